@@ -30,7 +30,7 @@ def check_output_store(path: Path, rig: Rig, source: object) -> None:
 
 
 def series_summary(report: dict[str, Any]) -> str:
-    """Return a line on each of: the frames, held-out cameras, the store."""
+    """Return a line on each of: the frames, held-out cameras, the verdict, the store."""
     figures = (
         ("relative_residual", "mean relative residual {:.4g}"),
         ("seconds_a_frame", "{:.2f} s a frame"),
@@ -42,6 +42,7 @@ def series_summary(report: dict[str, Any]) -> str:
     for name, figures in compared.items():
         shown = ", ".join(f"{figure} {value:.4g}" for figure, value in figures.items())
         lines.append(f"{name}, mean: {shown}")
+    lines.append(report["verdict"]["sentence"])
     lines.append(
         f"open {report['page']}; {report['store']} opens with xarray.open_zarr, and flametomo "
         "export writes it for other programs"

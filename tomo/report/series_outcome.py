@@ -17,6 +17,7 @@ from tomo.series.answer import answer_of_series
 from tomo.series.images import UnreadableError, read_frame
 from tomo.series.store import CAMERA_FIGURES, COMPLETE, LEFT_OUT
 from tomo.series.table import SeriesTable
+from tomo.series.verdict import verdict_of_series
 from tomo.series.watching import in_words, watch_table
 
 MOST_REASONS = 3
@@ -76,6 +77,7 @@ def series_report(table: SeriesTable) -> dict[str, Any]:
     complete = columns["complete"]
     return {
         "answer": asdict(answer_of_series(columns, table.frames.tolist(), table.cameras)),
+        "verdict": verdict_of_series(table),
         "store": str(table.store.path),
         "page": str(page_beside(table.store.path)),
         "frames": table.store.n_frames,

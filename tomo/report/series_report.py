@@ -16,8 +16,11 @@ from tomo.draw.film.player import film_of
 from tomo.draw.film.visualize import moments_of, shown_places, words_of
 from tomo.draw.page import render
 from tomo.report.facts import detail_tables, number_text, without_nulls
+from tomo.report.glossary import with_glossary
+from tomo.report.words import as_sentence, verdict_part
 from tomo.series.answer import answer_of_series
 from tomo.series.table import SeriesTable
+from tomo.series.verdict import verdict_of_series
 
 
 def write_series_report(
@@ -48,9 +51,11 @@ def write_series_report(
         film = film_of(moments, store.grid, about["length_unit"], about["value_unit"])
     text = render(
         "series.html",
-        title=f"Reconstruction of {store.n_frames} frames by {about['options']['method']}",
+        title=f"Reconstruction of {store.n_frames} frames",
+        about=_about(table),
+        verdict=verdict_part(verdict_of_series(table)),
         answer=answer_of_series(table.columns, table.frames.tolist(), table.cameras),
-        warnings=list(warnings),
+        warnings=[as_sentence(line) for line in warnings],
         headline=_headline(table),
         words=words_of(shown, int(store.complete.sum())),
         film=film,
@@ -60,32 +65,44 @@ def write_series_report(
         details=detail_tables(without_nulls(_plan_details(about))),
     )
     with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+        temporary.write_text(with_glossary(text), encoding="utf-8")
+
+
+def _about(table: SeriesTable) -> str:
+    """Return the line below the title: what was made of what, and how large it is."""
+    grid, about = table.store.grid, table.store.attributes
+    size, voxels = (" x ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
+    return (
+        f"Emission in {size} {about['length_unit']} ({voxels} voxels) from {len(table.cameras)} "
+        f"cameras, method {about['options']['method']}."
+    )
 
 
 def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
-    """Return the first figures: (value, name, what it means)."""
+    """Return the figures of the whole film: (value, name, what it means)."""
     complete, count = int((table.columns["complete"] == 1).sum()), table.store.n_frames
-    rows = [(f"{complete:,}", "frames", "complete" if complete == count else f"of {count:,}")]
-    for name, title, digits, unit in (
-        ("psnr", "held-out PSNR", 4, " dB"),
-        ("ssim", "held-out SSIM", 3, ""),
+    said = "All are complete." if complete == count else f"Of {count:,}; the others are missing."
+    rows = [(f"{complete:,}", "frames", said)]
+    for name, title, digits, unit, words in (
+        ("psnr", "PSNR", 4, " dB", "Error of its predicted images; 30 is good, 40 very good."),
+        ("ssim", "SSIM", 3, "", "Likeness of its predicted images, 1 at the most."),
     ):
         for camera, values in table.each_camera(name).items():
-            rows.append(
-                (f"{np.nanmean(values):.{digits}g}{unit}", title, f"mean of {camera}, never used")
-            )
+            value = f"{np.nanmean(values):.{digits}g}{unit}"
+            rows.append((value, f"{camera} held out: {title}", words))
+    unit = table.store.group["total_emission"].attrs["units"]
     for name, title, words, form in (
-        ("relative_residual", "relative residual", "mean of all frames", "{:.2%}"),
-        ("total_emission", "total emission", table.store.group["total_emission"].attrs["units"],
-         "{:.4g}"),
-        ("seconds", "a frame", "to solve and compare", "{:.3g} s"),
+        ("relative_residual", "relative residual", "Of the images, not reproduced, noise "
+         "included; mean of all frames. Good: near the images' noise.", "{:.2%}"),
+        ("total_emission", "total emission", "All light of the volume, mean of all frames.",
+         f"{{:.4g}} {unit}"),
+        ("seconds", "time a frame", "To solve and compare.", "{:.3g} s"),
     ):  # fmt: skip
         if len(values := table.known(name)):
             rows.append((form.format(values.mean()), title, words))
     voxels = table.store.attributes["plan"].get("active_voxels")
     if voxels:
-        rows.append((number_text(voxels), "active voxels", "that key frames may light"))
+        rows.append((number_text(voxels), "active voxels", "Not proved empty by dark pixels."))
     return rows
 
 
@@ -98,17 +115,27 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
 
     emission = table.store.group["total_emission"].attrs["units"]
     found = [
-        chart("Held-out PSNR", table.each_camera("psnr"), unit="dB", shown=shown, colours=colours),
         chart(
-            "Relative residual",
+            "PSNR of the held-out camera, more is better",
+            table.each_camera("psnr"),
+            unit="dB",
+            shown=shown,
+            colours=colours,
+        ),
+        chart(
+            "Relative residual, less is better",
             alone("relative_residual", "all that took part") | table.each_camera("view_residual"),
             shown=shown,
             from_zero=True,
             colours={"all that took part": "#1b2733"} | colours,
             digits=3,
         ),
-        chart("Light over the plan's gain", table.each_camera("view_light"), shown=shown,
-              colours=colours),
+        chart(
+            "Light of each camera over the volume's, 1 is right",
+            table.each_camera("view_light"),
+            shown=shown,
+            colours=colours,
+        ),
         chart("Total emission", alone("total_emission", ""), unit=emission, shown=shown,
               from_zero=True),
         chart("Seconds a frame", alone("seconds", ""), unit="s", shown=shown, from_zero=True,
@@ -124,29 +151,36 @@ def _axis(table: SeriesTable) -> tuple[str, str, str]:
 
 
 def _camera_table(table: SeriesTable) -> dict[str, Any]:
-    """Return a row a camera: means over the frames, and how the gain changed."""
+    """Return a row a camera: means over the frames, how the gain changed, and the words."""
     held_out = table.store.attributes["options"].get("hold_out") or []
     columns = (
-        ("residual", "view_residual", np.nanmean, "{:.2%}"),
-        ("beyond noise", "view_beyond_noise", np.nanmean, "{:.2%}"),
-        ("gain", "view_gain", np.nanmean, "{:.3f}"),
-        ("least gain", "view_gain", np.nanmin, "{:.3f}"),
-        ("largest gain", "view_gain", np.nanmax, "{:.3f}"),
-        ("PSNR (dB)", "psnr", np.nanmean, "{:.2f}"),
-        ("least PSNR (dB)", "psnr", np.nanmin, "{:.2f}"),
-        ("SSIM", "ssim", np.nanmean, "{:.3f}"),
-    )
+        ("not reproduced", "view_residual", np.nanmean, "{:.2%}",
+         "the part of its images that the volume does not reproduce, noise included"),
+        ("beyond noise", "view_beyond_noise", np.nanmean, "{:.2%}",
+         "the part that is neither volume nor noise: good up to 4 %, bad above 10 %"),
+        ("gain", "view_gain", np.nanmean, "{:.3f}",
+         "brightness of its images over the volume's: mean, least and largest; 1 is right"),
+        ("least", "view_gain", np.nanmin, "{:.3f}", ""),
+        ("largest", "view_gain", np.nanmax, "{:.3f}", ""),
+        ("PSNR (dB)", "psnr", np.nanmean, "{:.2f}", "error of its prediction, mean and least"),
+        ("least PSNR", "psnr", np.nanmin, "{:.2f}", ""),
+        ("SSIM", "ssim", np.nanmean, "{:.3f}", "likeness of its prediction, 1 at the most"),
+    )  # fmt: skip
     kept = [one for one in columns if table.each_camera(one[1])]
     rows = []
     for name in table.cameras:
         values = [
             form.format(reduce(own)) if (own := table.each_camera(figure).get(name)) is not None
             else ""
-            for _, figure, reduce, form in kept
+            for _, figure, reduce, form, _ in kept
         ]  # fmt: skip
-        role = " (held out)" if name in held_out else ""
-        rows.append((bool(role), [f"{name}{role}", *values]))
-    return {"titles": ["Camera", *(title for title, *_ in kept)], "rows": rows}
+        rows.append([f"{name} (held out)" if name in held_out else name, *values])
+    return {
+        "titles": ["Camera", *(title for title, *_ in kept)],
+        "rows": rows,
+        "marked": [n for n, name in enumerate(table.cameras) if name in held_out],
+        "columns": [(title, words) for title, *_, words in kept if words],
+    }
 
 
 def _plan_details(about: Mapping[str, Any]) -> dict[str, Any]:

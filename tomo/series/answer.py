@@ -42,13 +42,15 @@ def answer_of_series(
     ----------
     table : mapping
         ``view_beyond_noise`` ``(frames, cameras)``: the residual that noise does not explain, as a
-        fraction of the image; NaN of dark images and of cameras that took no part. ``complete``
-        ``(frames,)``.
+        fraction of the image; NaN of dark images and of excluded cameras. ``psnr``, optional:
+        where it is known, a camera was held out and does not count. ``complete`` ``(frames,)``.
     frames : sequence of int
         Their numbers in the scan.
     cameras : sequence of str
     """
     beyond, complete = np.asarray(table["view_beyond_noise"]), np.asarray(table["complete"]) == 1
+    if "psnr" in table:
+        beyond = np.where(np.isfinite(table["psnr"]), np.nan, beyond)
     lit = complete & np.isfinite(beyond).any(axis=1)
     count, unknown = int(complete.sum()), int((complete & ~lit).sum())
     if not lit.any():

@@ -20,6 +20,7 @@ from tomo.series.block_system import BlockSystem
 from tomo.series.hulls import HullRule
 from tomo.series.temporal import with_neighbours
 from tomo.series.temporal_choice import TemporalChoice
+from tomo.uncertainty import view_coverage
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,6 +88,13 @@ class Plan:
         """Return the places of the frames that a block is solved from: its own and neighbours."""
         return with_neighbours(block, len(self.places)) if self.is_filtered else block
 
+    @property
+    def _coverage(self) -> dict[str, Any]:
+        """How the views cover the voxels that frames may light, as if all emitted alike."""
+        system = self.system.built.system
+        alike = np.ones(system.projector.shape[1], np.float32)
+        return view_coverage(system, alike).report()
+
     def report(self) -> dict[str, Any]:
         """Return what was settled, as plain numbers and words for the store's attributes."""
         built, names = self.system.built, self.registered.rig.names
@@ -101,6 +109,7 @@ class Plan:
                 "basis": built.basis.report(),
                 "carving": self.rule and {"margin": self.rule.margin, "votes": self.rule.votes},
                 "active_voxels": self.system.active.size,
+                "voxels": self._coverage,
                 "gains": gains.report(names) if gains else None,
                 "absorption": built.absorption.report() if built.absorption else None,
                 "screening": screening.report() if screening else None,

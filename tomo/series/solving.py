@@ -202,7 +202,7 @@ def _figures(
         "view_residual": {view.name: view.relative_residual for view in [*views, *apart]},
         "view_gain": {view.name: view.gain for view in [*views, *apart]},
         "view_light": {view.name: view.light for view in [*views, *apart]},
-        "view_beyond_noise": {view.name: view.beyond_noise for view in views},
+        "view_beyond_noise": {view.name: view.beyond_noise for view in [*views, *held_out]},
         "psnr": {name: each["psnr"] for name, each in alike.items()},
         "ssim": {name: each.get("ssim", math.nan) for name, each in alike.items()},
         **_against_the_truth(plan, frame, volume),

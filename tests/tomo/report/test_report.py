@@ -10,6 +10,7 @@ from rigs import Camera, Rig, look_at
 from tomo.grid import VoxelGrid
 from tomo.pipeline.view import View
 from tomo.report import Convergence, Results, draw, write_pictures, write_report
+from tomo.report.glossary import PLACE, with_glossary
 from tomo.report.result_figures import draw_convergence, draw_difference, draw_views, views_to_show
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
@@ -61,6 +62,13 @@ REPORT = {
     "seed": 7,
     "versions": {"numpy": "2.0"},
     "warnings": [f"camera {HOSTILE} looks beside"],
+    "verdict": {
+        "level": "amber",
+        "sentence": "",
+        "reasons": [f"camera {HOSTILE} is off", "few directions"],
+        "next": ["run with --refine-cameras all"],
+    },
+    "answer": {"sentence": "Explained in part.", "verdict": "partly explained"},
     "carving": {"active_voxels": 31999, "noise": [{"read": 0.12345678}] * 2},
     "settings": {"note": "</script><script>alert(2)</script>", "hold_out": [HOSTILE]},
 }
@@ -102,7 +110,7 @@ def test_hostile_names_are_shown_as_text(page):
 
 def test_report_shows_its_figures(page):
     text = " ".join(page.text)
-    for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126,000"):
+    for shown in ("0.00123", "12.34%", "31.2 dB", "0.91", "1.02", "2.5 s", "126,000", "Good: be"):
         assert shown in text
     assert re.search(r"seed\s+7", text)
     assert re.search(r"noise\s+read: 0\.1235; read: 0\.1235", text)
@@ -130,9 +138,64 @@ def test_settings_are_shown_in_words(tmp_path, value, words):
     assert re.search(rf"found\s+{re.escape(words)}\s", " ".join(parser.text))
 
 
-def test_report_warns_before_it_shows(page):
+def test_the_volume_and_the_verdict_come_first_then_steps_findings_and_tables(page):
+    tags = [tag for tag, _ in page.found]
+    assert tags.index("img") < tags.index("section") < tags.index("table")
     text = " ".join(page.text)
-    assert text.index(f"camera {HOSTILE} looks beside") < text.index("Reconstructed volume")
+    order = ("Amber", "Use with care", "is off.", "Few directions.", "What to do next",
+             "looks beside", "Does it explain its images?", "Settings and versions",
+             "Words of this page")  # fmt: skip
+    places = [text.index(one) for one in order]
+    assert places == sorted(places)
+
+
+def test_a_glossary_explains_the_terms_that_a_page_uses():
+    page = with_glossary(f"<style>PSNR</style><p>NRMSE 0.1</p>{PLACE}")
+    assert "<dt>NRMSE</dt>" in page
+    assert "PSNR</dt>" not in page
+    assert with_glossary(f"<p>x</p>{PLACE}") == "<p>x</p>"
+
+
+@pytest.mark.parametrize("width", [1200, 400])
+def test_the_page_is_readable_without_network_mouse_or_colours(
+    tmp_path, results, pictures, open_page, width
+):
+    path = tmp_path / "report.html"
+    write_report(path, REPORT, results, pictures)
+    browser = open_page(path, (width, 800))
+    assert browser.evaluate("return document.documentElement.scrollWidth;") <= width
+    unlabelled = """
+        const scrolls = [...document.querySelectorAll(".scroll, .wide")];
+        return scrolls.filter((one) => one.tabIndex || !one.getAttribute("aria-label")).length;
+    """
+    assert browser.evaluate(unlabelled) == 0
+    assert browser.evaluate(CONTRAST) >= 4.5
+    assert browser.evaluate("return performance.getEntriesByType('resource').length;") == 0
+
+
+CONTRAST = """
+    function light(text) {
+      const part = text.match(/[0-9.]+/g).slice(0, 3).map((one) => {
+        const c = one / 255;
+        return c <= 0.03928 ? c / 12.92 : ((c + 0.055) / 1.055) ** 2.4;
+      });
+      return 0.2126 * part[0] + 0.7152 * part[1] + 0.0722 * part[2];
+    }
+    function behind(one) {
+      for (; one; one = one.parentElement) {
+        const colour = getComputedStyle(one).backgroundColor;
+        if (colour !== "rgba(0, 0, 0, 0)") return colour;
+      }
+      return "rgb(255, 255, 255)";
+    }
+    let least = 21;
+    for (const one of document.querySelectorAll("h1, h2, .badge, p, li, dt, dd, th, td")) {
+      const [a, b] = [light(getComputedStyle(one).color), light(behind(one))];
+      least = Math.min(least, (Math.max(a, b) + 0.05) / (Math.min(a, b) + 0.05));
+    }
+    return least;
+"""
+"""The least contrast of a text with what is behind it, by WCAG; 4.5 is asked for."""
 
 
 def test_report_does_with_little(tmp_path):
@@ -140,7 +203,7 @@ def test_report_does_with_little(tmp_path):
     unknown = {"relative_residual": None, "seed": None, "held_out": {"a": {"psnr": None}}}
     for report in ({}, unknown):
         write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
-    assert "Reconstructed volume" in (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "The reconstructed emission" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
 def test_pictures_are_written_as_they_are_shown(tmp_path, pictures):

@@ -8,7 +8,7 @@ from tomo.pipeline import Reconstruction
 from tomo.pipeline.view import View
 from tomo.report.outcome_files import DEVIATION_FILES, write_outcome
 from tomo.report.uncertainty_figure import draw_deviations
-from tomo.report.uncertainty_tables import condition_section
+from tomo.report.uncertainty_tables import coverage_table, trust_figures
 from tomo.solvers import Solution
 from tomo.uncertainty import assess
 
@@ -59,31 +59,33 @@ def test_the_figure_has_two_volumes_each_on_its_own_scale():
         draw_deviations(volume, volume[1:], GRID)
 
 
-def test_all_voxels_are_in_the_tables(system):
+def test_all_voxels_are_in_the_table_and_each_figure_has_its_meaning(system):
     report = condition_of(system, 2).report()
-    section = condition_section(report, "mm")
-    (views,) = (table["rows"] for table in section["tables"])
+    views = coverage_table(report)["rows"]
     counted = sum(int(row[1].split()[0].replace(",", "")) for row in views)
     assert counted == GRID.size
     assert views[-1][0].endswith("4")  # of four cameras: no bin promises more
-    assert any("alf of all details down to" in words for words in section["words"])
-    assert any("Resolution" in words for words in section["words"])
+    figures = trust_figures({"uncertainty": report}, "mm")
+    names = [name for _, name, _ in figures]
+    assert "resolution along x, y, z" in names
+    assert "finest details that the cameras measure" in names
+    assert all(value and words.endswith(".") for value, _, words in figures)
 
 
-@pytest.mark.parametrize("lacking", ["standard_deviation", "resolution"])
+@pytest.mark.parametrize("lacking", ["standard_deviation", "resolution", "intervals"])
 def test_what_is_not_known_is_left_out(system, lacking):
     report = condition_of(system, 2).report()
     del report[lacking]
-    assert condition_section(report, "mm")["words"]
-    assert condition_section(None, "mm") is None
+    assert trust_figures({"uncertainty": report}, "mm")
+    assert coverage_table(None) is None
 
 
 def test_single_voxels_deviations_are_written_only_where_they_are_known(system, tmp_path):
     write_outcome(tmp_path, outcome_of(system, 12))
     assert all((tmp_path / name).is_file() for name in (*DEVIATION_FILES, "condition.png"))
     page = (tmp_path / "report.html").read_text("utf-8")
-    assert "How far to trust it" in page
-    assert "Standard deviation of every voxel" in page
+    assert "How far off can it be?" in page
+    assert "What noise does to every voxel" in page
     write_outcome(tmp_path, outcome_of(system, 3))
     assert not any((tmp_path / name).exists() for name in (*DEVIATION_FILES, "condition.png"))
-    assert "How far to trust it" in (tmp_path / "report.html").read_text("utf-8")
+    assert "How far off can it be?" in (tmp_path / "report.html").read_text("utf-8")

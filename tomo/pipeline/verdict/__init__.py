@@ -7,6 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "value": ["Verdict", "LEVELS", "GREEN", "AMBER", "RED", "MEANS"],
         "findings": ["expected_error"],
-        "rules": ["judge", "worst_of"],
+        "rules": ["RULES", "Rule", "judge", "rules_that_apply", "worst_of"],
     },
 )

@@ -6,9 +6,11 @@ that the rule applies. It adds no figure of its own.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from rigs.check.resolved_wavelength import AS_LARGE
 from tomo.hull.margins import CARVED_AWAY
 from tomo.pipeline.answer import UNKNOWN_VERDICT
 from tomo.screening.single_camera import FEWEST_VIEWS
@@ -112,7 +114,7 @@ def carved(report: Facts) -> Iterator[Facts]:
 def unmeasured(low: float, high: float, report: Facts) -> Iterator[Facts]:
     """Yield the direction that views measure least, where that is within bounds."""
     found = _part(report, "uncertainty", "voxels", "resolved_wavelength")
-    if found and low <= _or_infinite(found["of_length"]) < high:
+    if found and low <= _or_infinite(found.get("of_length")) <= high:
         yield {"views": len(_used(report)), "direction": found["worst_direction_in_words"]}
 
 
@@ -133,8 +135,8 @@ def barely_seen(report: Facts) -> Iterator[Facts]:
 
 def uncertain(low: float, high: float, report: Facts) -> Iterator[Facts]:
     """Yield the error to expect of a voxel, where that is within bounds."""
-    error = expected_error(report)
-    if error is not None and low < error <= high:
+    error, guess = expected_error(report), any(unmeasured(AS_LARGE, math.inf, report))
+    if error is not None and low < error <= high and not guess:  # it misses what is a guess
         yield {"error": _percent(error)}
 
 
@@ -216,7 +218,7 @@ def _largest(values: Mapping[str, float]) -> str | None:
 
 
 def _or_infinite(value: float | None) -> float:
-    return float("inf") if value is None else value
+    return math.inf if value is None else value
 
 
 def _percent(fraction: float) -> str:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import math
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
@@ -17,7 +18,7 @@ from tomo.uncertainty.warnings import NOISY, UNEXPLAINED
 Finder = Callable[[Facts], Iterator[Facts]]
 """From ``report.json`` to the values of a rule's words, one mapping for each time it applies."""
 
-MANY = float("inf")
+MANY = math.inf
 
 TWO_VIEWS = 1.4
 """Wavelength that views leave unmeasured, relative to the emission's extent, from which they are
@@ -34,7 +35,7 @@ class Rule:
     find : callable
         See `Finder`.
     reason, step : str
-        With fields that ``find`` fills. No step where it is empty.
+        With fields that ``find`` fills; nothing is said where one is empty.
     """
 
     level: str
@@ -51,7 +52,7 @@ def judge(report: Facts) -> Verdict:
     >>> judge({"answer": {"verdict": "not known"}}).level
     'red'
     """
-    found = [(rule, values) for rule in RULES for values in rule.find(report)]
+    found = rules_that_apply(report)
     if not found:
         for_it = [(rule, values) for rule in FOR_IT for values in rule.find(report)]
         return Verdict(GREEN, _reasons(for_it), _steps(for_it))
@@ -59,13 +60,22 @@ def judge(report: Facts) -> Verdict:
     return Verdict(graver[0][0].level, _reasons(graver), _steps(found))
 
 
+def rules_that_apply(report: Facts) -> list[tuple[Rule, Facts]]:
+    """Return the rules that speak against the volume of a ``report.json``, with their values."""
+    return [(rule, values) for rule in RULES for values in rule.find(report)]
+
+
 def _reasons(found: list[tuple[Rule, Facts]]) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(rule.reason.format(**values) for rule, values in found))
+    return _unlike(rule.reason.format(**values) for rule, values in found)
 
 
 def _steps(found: list[tuple[Rule, Facts]]) -> tuple[str, ...]:
-    steps = (rule.step.format(**values) for rule, values in found)
-    return tuple(dict.fromkeys(step for step in steps if step))
+    return _unlike(rule.step.format(**values) for rule, values in found)
+
+
+def _unlike(lines: Iterable[str]) -> tuple[str, ...]:
+    """Return lines in their order, each once and none that is empty."""
+    return tuple(dict.fromkeys(filter(None, lines)))
 
 
 def worst_of(verdicts: Sequence[Verdict]) -> str:
@@ -205,19 +215,19 @@ RULES: tuple[Rule, ...] = (
     Rule(
         AMBER,
         partial(findings.unmeasured, AS_LARGE, TWO_VIEWS),
-        "few directions: the shape along {direction} is a guess",
+        "few directions: the shape along {direction} is a guess, its error is not known",
         "Add a camera that looks across {direction}: four evenly spread ones are the least",
     ),
     Rule(
         RED,
         partial(findings.uncertain, NOISY, MANY),
-        "a voxel is off by about {error} of the emission",
+        "the error to expect of a voxel is {error} of the emission",
         "Add cameras, or average over frames",
     ),
     Rule(
         AMBER,
         partial(findings.uncertain, HARMFUL, NOISY),
-        "a voxel is off by about {error} of the emission",
+        "the error to expect of a voxel is {error} of the emission",
         "Trust sums and means over regions more than single voxels; more cameras narrow this",
     ),
     Rule(
@@ -255,7 +265,7 @@ FOR_IT: tuple[Rule, ...] = (
         "the volume explains the images of all {views} cameras up to their noise",
     ),
     Rule(GREEN, findings.views, "about {views} cameras see each voxel that emits"),
-    Rule(GREEN, findings.error, "a voxel is off by about {error} of the emission"),
+    Rule(GREEN, findings.error, "the error to expect of a voxel is {error} of the emission"),
     Rule(
         GREEN,
         findings.predicted,
@@ -265,7 +275,7 @@ FOR_IT: tuple[Rule, ...] = (
     Rule(
         GREEN,
         findings.without_check,
-        "nothing that was tested is wrong",
+        "",
         "Check it once with an image that it never saw: run again with --hold-out {camera}",
     ),
     Rule(

@@ -1,0 +1,162 @@
+"""The verdict: green, amber or red from the figures of report.json, by one table of rules."""
+
+import copy
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import phantoms
+import tomo
+from rigs.layouts import ring
+from tomo.pipeline.verdict import AMBER, GREEN, LEVELS, RED, RULES, judge, rules_that_apply
+
+GOOD = {
+    "answer": {"verdict": "explained", "beyond_noise": 0.01, "beyond_noise_of_all": 0.005},
+    "views": {
+        f"cam{n:02d}": {"beyond_noise": 0.01, "held_out": False, "excluded": False}
+        for n in range(8)
+    },
+    "screening": {"cameras": {}, "light_outside_grid": {"cam00": 0.0}},
+    "alignment": {"accepted": False, "displacement": {"disagrees": False}},
+    "carving": {"light_carved_away": 0.0},
+    "uncertainty": {
+        "voxels": {
+            "median_views": 8.0,
+            "emitting_by_views": {"8": 900},
+            "resolved_wavelength": {"of_length": 0.5, "worst_direction_in_words": "x"},
+        },
+        "standard_deviation": {"relative": 0.01},
+        "intervals": {"voxels": {"relative": 0.05}},
+    },
+}
+
+
+def changed(**parts):
+    """Return the good report with parts of it set, by paths whose keys ``__`` separates."""
+    report = copy.deepcopy(GOOD)
+    for path, value in parts.items():
+        *keys, last = path.split("__")
+        inner = report
+        for key in keys:
+            inner = inner.setdefault(key, {})
+        inner[last] = value
+    return report
+
+
+def a_camera(done=None, held_out=False):
+    cause = {"words": "pointing, 3 pixels off", "needs": "Calibrate it again"}
+    found = {"cam03": {"causes": [cause], "done": done}}
+    return changed(screening__cameras=found, views__cam03__held_out=held_out)
+
+
+def test_nothing_wrong_is_green_and_says_why_and_what_to_do():
+    found = judge(GOOD)
+    assert found.level == GREEN
+    assert any("explains the images of all 8 cameras" in one for one in found.reasons)
+    assert "--hold-out cam00" in found.next[0]
+    assert found.sentence.startswith("Green, use it: the volume explains")
+
+
+CASES = [
+    (changed(answer__verdict="not explained", answer__beyond_noise=0.3), RED, "30%"),
+    (changed(answer__verdict="partly explained", answer__beyond_noise=0.06), AMBER, "6.0%"),
+    (changed(answer__verdict="not known", answer__beyond_noise=None), RED, "no image has light"),
+    (a_camera(), RED, "camera cam03 contradicts the others (pointing"),
+    (a_camera("It is excluded"), AMBER, "cam03 contradicts the others (pointing, 3 pixels off): "
+     "it is excluded"),
+    (a_camera("It stays held out", True), AMBER, "held-out camera cam03"),
+    (changed(alignment__displacement={"disagrees": True, "pixels": {"cam01": 2.0}}), RED,
+     "cam01 lies 2.0 pixels"),
+    (changed(alignment__accepted=True, alignment__shifts={"cam01": [3.0, 4.0]}), AMBER,
+     "5.0 pixels"),
+    (changed(refinement={"accepted": True, "cameras": {"cam01": {}}}), AMBER, "corrected"),
+    (changed(screening__light_outside_grid={"cam02": 0.3}), RED, "the grid cuts the flame: 30%"),
+    (changed(screening__light_outside_grid={"cam02": 0.05}), AMBER, "5% of camera cam02"),
+    (changed(screening__background={"cam02": 0.05}), AMBER, "light everywhere"),
+    (changed(screening__below_zero={"cam02": 0.05}), AMBER, "subtracted as dark in 1 camera"),
+    (changed(screening__saturated={"cam02": 0.9}), AMBER, "1 camera(s) are overexposed"),
+    (changed(carving__light_carved_away=0.02), AMBER, "2.0% of the light"),
+    (changed(explanation__absorption={"light_lost": 0.2}), AMBER, "20% of the light"),
+    (changed(learning={"taken": True, "found": ["upstream emission"]}), AMBER, "upstream"),
+    (changed(uncertainty__intervals__voxels__relative=0.3), AMBER, "18%"),
+    (changed(uncertainty__intervals__voxels__relative=1.0), RED, "61%"),
+    (changed(uncertainty__standard_deviation__relative=0.7), RED, "noise hides the volume"),
+    (changed(uncertainty__voxels__resolved_wavelength__of_length=1.0), AMBER, "x is a guess"),
+    (changed(uncertainty__voxels__resolved_wavelength__of_length=1.41), RED, "too few"),
+    (changed(uncertainty__voxels__resolved_wavelength__of_length=None), RED, "too few"),
+    (changed(uncertainty__voxels__emitting_by_views={"1": 90, "8": 810}), AMBER, "10% of the vox"),
+    (changed(views={k: GOOD["views"][k] for k in ("cam00", "cam01", "cam02", "cam03")}), AMBER,
+     "a wrong one cannot be found"),
+    (changed(uncertainty__intervals=None), AMBER, "was not measured"),
+    (changed(views__cam05={"held_out": True, "beyond_noise": 0.2}), AMBER, "predicted in part"),
+    (changed(views__cam05={"held_out": True, "beyond_noise": 0.5}), RED, "is not predicted"),
+    (changed(views__cam05={"held_out": True, "beyond_noise": 0.02}), GREEN, "cam05, which was"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("report", "level", "words"), CASES)
+def test_each_finding_has_its_level_and_its_reason(report, level, words):
+    found = judge(report)
+    assert found.level == level, found
+    assert any(words in one for one in found.reasons), found.reasons
+    assert found.next
+    assert len(set(found.next)) == len(found.next)
+
+
+def test_the_gravest_reason_comes_first_and_steps_in_the_order_of_mending():
+    report = a_camera("It is excluded") | {"answer": changed()["answer"]}
+    report["answer"] = {"verdict": "not explained", "beyond_noise": 0.3}
+    found = judge(report)
+    assert found.level == RED
+    assert "does not explain its images" in found.reasons[0]
+    assert found.next[0] == "Camera cam03: Calibrate it again"
+    assert found.sentence.endswith("and 1 more reason.")
+
+
+def test_every_rule_is_met_by_a_case_and_says_what_to_do():
+    met = {rule for report, *_ in CASES for rule, _ in rules_that_apply(report)}
+    assert [rule for rule in RULES if rule not in met] == []
+    assert all(rule.level in LEVELS and rule.step for rule in RULES)
+
+
+GRID = tomo.VoxelGrid((12, 14, 12), 1.0)
+FLAME = phantoms.GaussianBlobs(
+    [(1.0, -2.0, 0.5), (-2.0, 2.0, 1.0), (1.5, 2.5, -2.0)], [1.3, 1.1, 1.0], [1.0, 0.8, 0.9]
+)
+
+
+def verdict_of(count, shifts=(), **options):
+    """Return the verdict on a flame seen by cameras of which the first look aside, in pixels."""
+    rig = ring(
+        count, distance=200.0, image_size=(32, 36), footprint=0.55,
+        pitch_degrees=[(-8.0, 15.0)[n % 2] for n in range(count)],
+    )  # fmt: skip
+    scan = tomo.simulate(rig, FLAME, GRID, supersample=2, noise=0.01, seed=1)
+    moved = [one.shifted(*shift) for one, shift in zip(rig, shifts, strict=False)]
+    given = replace(rig, cameras=(*moved, *rig.cameras[len(moved) :]))
+    return tomo.reconstruct(replace(scan, rig=given), options=tomo.Options(**options)).verdict
+
+
+def test_exact_cameras_in_sufficient_number_are_green():
+    found = verdict_of(8)
+    assert found.level == GREEN, found
+    assert found.report()["sentence"] == found.sentence
+
+
+def test_a_wrong_camera_is_not_green_and_named():
+    found = verdict_of(7, [(5.0, -4.0)], uncertainty=0)
+    assert found.level != GREEN
+    assert "cam00" in found.reasons[0]
+    assert "cam00" in found.next[0]
+
+
+def test_three_views_are_amber():
+    found = verdict_of(3, uncertainty=0)
+    assert found.level == AMBER, found
+    assert "is a guess" in found.reasons[0]
+
+
+def test_a_wrong_rig_is_red():
+    shifts = np.random.default_rng(0).uniform(-7, 7, (7, 2))
+    assert verdict_of(7, shifts, uncertainty=0).level == RED
