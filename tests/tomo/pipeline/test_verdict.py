@@ -58,6 +58,9 @@ def test_nothing_wrong_is_green_and_says_why_and_what_to_do():
     assert found.sentence.startswith("Green, use it: the volume explains")
 
 
+FEW = [f"cam{n:02d}" for n in range(4)]
+
+
 CASES = [
     (changed(answer__verdict="not explained", answer__beyond_noise=0.3), RED, "30%"),
     (changed(answer__verdict="partly explained", answer__beyond_noise=0.06), AMBER, "6.0%"),
@@ -83,11 +86,12 @@ CASES = [
     (changed(uncertainty__intervals__voxels__relative=1.0), RED, "61%"),
     (changed(uncertainty__standard_deviation__relative=0.7), RED, "noise hides the volume"),
     (changed(uncertainty__voxels__resolved_wavelength__of_length=1.0), AMBER, "x is a guess"),
-    (changed(uncertainty__voxels__resolved_wavelength__of_length=1.41), RED, "too few"),
-    (changed(uncertainty__voxels__resolved_wavelength__of_length=None), RED, "too few"),
+    (changed(uncertainty__voxels__resolved_wavelength__of_length=1.41), RED, "shape along x"),
+    (changed(uncertainty__voxels__resolved_wavelength__of_length=None), RED, "shape along x"),
     (changed(uncertainty__voxels__emitting_by_views={"1": 90, "8": 810}), AMBER, "10% of the vox"),
-    (changed(views={k: GOOD["views"][k] for k in ("cam00", "cam01", "cam02", "cam03")}), AMBER,
+    (changed(views={name: GOOD["views"][name] for name in FEW}), AMBER,
      "a wrong one cannot be found"),
+    (changed(views={name: GOOD["views"][name] for name in FEW[:2]}), RED, "2 camera(s) are too"),
     (changed(uncertainty__intervals=None), AMBER, "was not measured"),
     (changed(views__cam05={"held_out": True, "beyond_noise": 0.2}), AMBER, "predicted in part"),
     (changed(views__cam05={"held_out": True, "beyond_noise": 0.5}), RED, "is not predicted"),

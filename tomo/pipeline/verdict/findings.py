@@ -13,7 +13,6 @@ from typing import Any
 from rigs.check.resolved_wavelength import AS_LARGE
 from tomo.hull.margins import CARVED_AWAY
 from tomo.pipeline.answer import UNKNOWN_VERDICT
-from tomo.screening.single_camera import FEWEST_VIEWS
 from tomo.uncertainty.intervals import NORMAL
 from tomo.uncertainty.warnings import BARELY_SEEN, NOISY
 
@@ -118,11 +117,11 @@ def unmeasured(low: float, high: float, report: Facts) -> Iterator[Facts]:
         yield {"views": len(_used(report)), "direction": found["worst_direction_in_words"]}
 
 
-def few(report: Facts) -> Iterator[Facts]:
-    """Yield the number of views where it is too small to find a wrong camera."""
+def few(low: int, high: int, report: Facts) -> Iterator[Facts]:
+    """Yield the number of views that took part, where it is within bounds."""
     views = len(_used(report))
-    if 0 < views < FEWEST_VIEWS:
-        yield {"views": views, "fewest": FEWEST_VIEWS}
+    if low <= views <= high:
+        yield {"views": views}
 
 
 def barely_seen(report: Facts) -> Iterator[Facts]:

@@ -13,6 +13,7 @@ from tomo.pipeline.verdict import findings
 from tomo.pipeline.verdict.findings import Facts
 from tomo.pipeline.verdict.value import AMBER, GREEN, LEVELS, RED, Verdict
 from tomo.screening.screening import OUTSIDE
+from tomo.screening.single_camera import FEWEST_VIEWS
 from tomo.uncertainty.warnings import NOISY, UNEXPLAINED
 
 Finder = Callable[[Facts], Iterator[Facts]]
@@ -119,7 +120,7 @@ RULES: tuple[Rule, ...] = (
         AMBER,
         findings.shifted,
         "the images were moved by up to {pixels:.1f} pixels to agree with each other",
-        "Calibrate the cameras again, or go on with refined_rig.yaml, the rig as it was found",
+        "Calibrate the cameras again, or run with --refine-cameras all",
     ),
     Rule(
         AMBER,
@@ -207,8 +208,14 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         RED,
+        partial(findings.few, 1, 2),
+        "{views} camera(s) are too few for a volume: many shapes have the same images",
+        "Add cameras: four evenly spread ones are the least",
+    ),
+    Rule(
+        RED,
         partial(findings.unmeasured, TWO_VIEWS, MANY),
-        "{views} camera(s) from here are too few for a volume: nothing fixes its shape along "
+        "cameras from these directions are too few for a volume: nothing fixes its shape along "
         "{direction}",
         "Add cameras that look across {direction}: four evenly spread ones are the least",
     ),
@@ -244,8 +251,8 @@ RULES: tuple[Rule, ...] = (
     ),
     Rule(
         AMBER,
-        findings.few,
-        "with {views} camera(s) a wrong one cannot be found: that takes {fewest}",
+        partial(findings.few, 3, FEWEST_VIEWS - 1),
+        f"with {{views}} cameras a wrong one cannot be found: that takes {FEWEST_VIEWS}",
         "Add cameras, or check the calibration with check-rig and a calibration target",
     ),
     Rule(
