@@ -69,7 +69,9 @@ class Answer:
         figures = f"residual {_percent(worst.relative_residual)}, noise "
         figures += _percent(worst.relative_noise)
         if self.verdict == EXPLAINED:
-            rest = f" and {_percent(worst.beyond_noise)} of them" if worst.beyond_noise else ""
+            rest = ""
+            if worst.beyond_noise:
+                rest = f", but for at most {_percent(worst.beyond_noise)} of an image"
             return (
                 f"Explained: the volume reproduces {self._images} up to their noise{rest}"
                 f"{without}; least well that of camera {worst.name} ({figures})."

@@ -18,6 +18,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+SHOWN = 0.57
+"""Width of a picture on a page over its own pixels: the widest then fill a page on a large screen,
+and texts have one size in all."""
+
+
 @dataclass(frozen=True, eq=False)
 class Picture:
     """A figure as PNG, with the words that go with it."""
@@ -26,6 +31,11 @@ class Picture:
     png: bytes
     caption: str
     alt: str
+
+    @property
+    def width(self) -> int:
+        """The width in a page's pixels, from the PNG's header."""
+        return round(SHOWN * int.from_bytes(self.png[16:20], "big"))
 
     def __repr__(self) -> str:
         """Name the size: the bytes themselves are too long to print."""
@@ -94,8 +104,10 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             "views",
             lambda: result_figures.draw_views(results.views),
             "Measured images, the volume projected back into the same cameras, and the "
-            "difference. Held-out views, which the reconstruction never saw, come first. "
-            "Grey pixels were not used.",
+            "difference: red where the volume's image is brighter, blue where the measured one is. "
+            "It should look like noise; shapes in it say that something in the model is wrong. "
+            "Held-out views, which the reconstruction never saw, come first. Grey pixels were not "
+            "used.",
             "For each view: measured image, re-projected image and their difference.",
         ),
         (
@@ -142,7 +154,8 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
                 title="Half-width of the 90 % interval",
             ),
             "Planes through the middle of the volume, and of the half-width of each voxel's 90 % "
-            "interval, noise and structure together, each on its own scale.",
+            "interval, noise and structure together. Each has its own scale: where the number on "
+            "the right comes near that on the left, the value is a guess.",
             "Middle planes of the emission and of the half-width of its 90 % intervals.",
         ),
         (

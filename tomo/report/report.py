@@ -16,7 +16,7 @@ from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
 from tomo.report.pictures import Picture, draw
 from tomo.report.uncertainty_tables import coverage_table, trust_figures
-from tomo.report.words import as_sentence, verdict_part
+from tomo.report.words import advice, as_sentence, verdict_part
 
 _TITLES = {
     "rig": "Cameras and volume",
@@ -56,15 +56,19 @@ def write_report(
     pictures = draw(results) if pictures is None else pictures
     shown = dict.fromkeys(_TITLES)
     for one in pictures:
-        title = _TITLES.get(one.name, one.name)
-        data = embedded(one.png)
-        shown[one.name] = {"title": title, "data": data, "caption": one.caption, "alt": one.alt}
+        shown[one.name] = {
+            "title": _TITLES.get(one.name, one.name),
+            "data": embedded(one.png),
+            "width": one.width,
+            "caption": one.caption,
+            "alt": one.alt,
+        }
     text = render(
         "report.html",
         title=_title(report),
         about=_about(report, results),
         verdict=verdict_part(report.get("verdict")),
-        warnings=[as_sentence(line) for line in report.get("warnings") or ()],
+        warnings=[advice(line) for line in report.get("warnings") or ()],
         answer=(report.get("answer") or {}).get("sentence"),
         pictures=shown,
         against_truth=_against_truth(report),
@@ -84,7 +88,7 @@ def write_report(
 
 def _title(report: Mapping) -> str:
     frame = (report.get("scan") or {}).get("frame")
-    return f"Reconstruction of {frame}" if frame else "Reconstruction"
+    return f"Reconstruction, frame {frame}" if frame else "Reconstruction"
 
 
 def _about(report: Mapping, results: Results) -> str:
@@ -207,8 +211,8 @@ def _order(view: View) -> tuple[bool, int, float]:
 
 
 def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:
-    """Return cosine distance and NRMSE of every volume, when there is a truth."""
-    if results.truth is None:
+    """Return cosine distance and NRMSE of every volume, where several have a truth."""
+    if results.truth is None or not results.comparisons:
         return []
     return [
         (

@@ -17,7 +17,7 @@ from tomo.draw.film.visualize import moments_of, shown_places, words_of
 from tomo.draw.page import render
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
-from tomo.report.words import as_sentence, verdict_part
+from tomo.report.words import advice, verdict_part
 from tomo.series.answer import answer_of_series
 from tomo.series.table import SeriesTable
 from tomo.series.verdict import verdict_of_series
@@ -55,7 +55,7 @@ def write_series_report(
         about=_about(table),
         verdict=verdict_part(verdict_of_series(table)),
         answer=answer_of_series(table.columns, table.frames.tolist(), table.cameras),
-        warnings=[as_sentence(line) for line in warnings],
+        warnings=[advice(line) for line in warnings],
         headline=_headline(table),
         words=words_of(shown, int(store.complete.sum())),
         film=film,

@@ -51,7 +51,8 @@ def _of_intervals(report: Mapping, found: Mapping | None, unit: str, length: str
         (
             f"{error:.1%}",
             "error to expect of a voxel",
-            f"Of a typical voxel that emits. Good: below {HARMFUL:.0%}.",
+            f"Root mean square, of a typical voxel that emits. Good: below {HARMFUL:.0%}. What no "
+            "camera measures is not in it.",
         ),
         (
             f"± {voxels['relative']:.1%}",

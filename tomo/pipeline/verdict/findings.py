@@ -114,7 +114,8 @@ def unmeasured(low: float, high: float, report: Facts) -> Iterator[Facts]:
     """Yield the direction that views measure least, where that is within bounds."""
     found = _part(report, "uncertainty", "voxels", "resolved_wavelength")
     if found and low <= _or_infinite(found.get("of_length")) <= high:
-        yield {"views": len(_used(report)), "direction": found["worst_direction_in_words"]}
+        words = found["worst_direction_in_words"]
+        yield {"direction": f"(x, y, z) = {words}" if words.startswith("(") else words}
 
 
 def few(low: int, high: int, report: Facts) -> Iterator[Facts]:
