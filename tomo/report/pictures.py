@@ -104,10 +104,10 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             "views",
             lambda: result_figures.draw_views(results.views),
             "Measured images, the volume projected back into the same cameras, and the "
-            "difference: red where the volume's image is brighter, blue where the measured one is. "
-            "It should look like noise; shapes in it say that something in the model is wrong. "
-            "Held-out views, which the reconstruction never saw, come first. Grey pixels were not "
-            "used.",
+            "difference: red where the volume's image is brighter, blue where the measured one "
+            "is. It should look like noise; shapes in it say that something in the model is "
+            "wrong. Held-out views, which the reconstruction never saw, come first. Grey pixels "
+            "were not used.",
             "For each view: measured image, re-projected image and their difference.",
         ),
         (
