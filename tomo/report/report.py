@@ -65,7 +65,7 @@ def write_report(
         }
     text = render(
         "report.html",
-        title=_title(report),
+        title="Reconstruction",
         about=_about(report, results),
         verdict=verdict_part(report.get("verdict")),
         warnings=[advice(line) for line in report.get("warnings") or ()],
@@ -86,19 +86,17 @@ def write_report(
         temporary.write_text(with_glossary(text), encoding="utf-8")
 
 
-def _title(report: Mapping) -> str:
-    frame = (report.get("scan") or {}).get("frame")
-    return f"Reconstruction, frame {frame}" if frame else "Reconstruction"
-
-
 def _about(report: Mapping, results: Results) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
     grid, unit = results.grid, results.rig.length_unit
     size, voxels = (" x ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
     used = sum(view.takes_part for view in results.views) or len(results.rig)
+    frame = (report.get("scan") or {}).get("frame")
     return (
         f"Emission in {size} {unit} ({voxels} voxels) from {used} camera"
-        f"{'s' if used != 1 else ''}, method {report.get('method', results.method)}."
+        f"{'s' if used != 1 else ''}, "
+        + (f"frame {frame}, " if frame else "")
+        + f"method {report.get('method', results.method)}."
     )
 
 

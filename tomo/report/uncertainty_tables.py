@@ -8,6 +8,7 @@ from typing import Any
 
 from tomo.pipeline.answer import HARMFUL
 from tomo.pipeline.verdict import expected_error
+from tomo.report.words import advice
 
 _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, math.inf))
 
@@ -136,14 +137,16 @@ def _of_resolution(found: Mapping | None, length: str) -> Rows:
 
 def _of_noise(found: Mapping | None) -> Rows:
     if not found or "relative" not in found:
-        return [("not measured", "noise in a voxel", "--uncertainty 30 measures it.")]
+        return [("not measured", "noise in a voxel", advice("--uncertainty 30 measures it"))]
     mapped = "" if found["mapped"] else " --uncertainty 30 draws it for every voxel."
     return [
         (
             f"{found['relative']:.1%}",
             "noise in a voxel",
-            "Standard deviation of a typical voxel that emits, by noise alone; from "
-            f"{found['repeats']} repeats with new noise. It is part of the interval.{mapped}",
+            advice(
+                "Standard deviation of a typical voxel that emits, by noise alone; from "
+                f"{found['repeats']} repeats with new noise. It is part of the interval.{mapped}"
+            ),
         )
     ]
 
