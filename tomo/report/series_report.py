@@ -17,7 +17,7 @@ from tomo.draw.film.visualize import moments_of, shown_places, words_of
 from tomo.draw.page import render
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
-from tomo.report.words import advice, verdict_part
+from tomo.report.words import advice, short_unit, verdict_part
 from tomo.series.answer import answer_of_series
 from tomo.series.table import SeriesTable
 from tomo.series.verdict import verdict_of_series
@@ -72,9 +72,10 @@ def _about(table: SeriesTable) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
     grid, about = table.store.grid, table.store.attributes
     size, voxels = (" x ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
+    used = len(set(table.cameras) - set(about["options"].get("hold_out") or []))
     return (
-        f"Emission in {size} {about['length_unit']} ({voxels} voxels) from {len(table.cameras)} "
-        f"cameras, method {about['options']['method']}."
+        f"Emission in {size} {about['length_unit']} ({voxels} voxels) from {used} camera"
+        f"{'s' if used != 1 else ''}, method {about['options']['method']}."
     )
 
 
@@ -90,7 +91,7 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
         for camera, values in table.each_camera(name).items():
             value = f"{np.nanmean(values):.{digits}g}{unit}"
             rows.append((value, f"{camera} held out: {title}", words))
-    unit = table.store.group["total_emission"].attrs["units"]
+    unit = short_unit(table.store.group["total_emission"].attrs["units"])
     for name, title, words, form in (
         ("relative_residual", "relative residual", "Of the images, not reproduced, noise "
          "included; mean of all frames. Good: near the images' noise.", "{:.2%}"),
@@ -113,7 +114,7 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
     def alone(name: str, title: str) -> dict[str, NDArray]:
         return {title: table.columns[name]}
 
-    emission = table.store.group["total_emission"].attrs["units"]
+    emission = short_unit(table.store.group["total_emission"].attrs["units"])
     found = [
         chart(
             "PSNR of the held-out camera, more is better",

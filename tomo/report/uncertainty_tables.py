@@ -8,7 +8,7 @@ from typing import Any
 
 from tomo.pipeline.answer import HARMFUL
 from tomo.pipeline.verdict import expected_error
-from tomo.report.words import advice
+from tomo.report.words import advice, short_unit
 
 _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, math.inf))
 
@@ -79,22 +79,11 @@ def _of_total(report: Mapping, found: Mapping | None) -> Rows:
         ("power", "power", "Into all directions: 4 pi times the total."),
     ):
         if key in emission:
-            value = f"{emission[key]:.4g} {_short(emission[f'{key}_unit'])}".strip()
+            value = f"{emission[key]:.4g} {short_unit(emission[f'{key}_unit'])}".strip()
             if spread.get("value", 0) > 0:
                 value += f" ± {spread['half_width'] / spread['value']:.1%}"
             rows.append((value, name, words))
     return rows
-
-
-def _short(unit: str) -> str:
-    """Return a unit of a total with powers of the length put together.
-
-    >>> _short("full scales per mm mm^3")
-    'full scales mm^2'
-    """
-    value, _, length = unit.rpartition(" per ")
-    own, _, cubed = length.partition(" ")
-    return f"{value} {own}^2" if value and cubed == f"{own}^3" else unit
 
 
 def _of_details(voxels: Mapping, length: str) -> Rows:

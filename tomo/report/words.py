@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+import html
 import re
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from tomo.pipeline.verdict import MEANS
-
-if TYPE_CHECKING:
-    from markupsafe import Markup
 
 
 def as_sentence(line: str) -> str:
@@ -23,16 +21,37 @@ def as_sentence(line: str) -> str:
     return f"{line[:1].upper()}{line[1:]}{end}"
 
 
-def advice(line: str) -> Markup:
-    """Return a line as a sentence whose options, such as ``--spacing``, stand out and stay whole.
+class Advice(str):
+    """A sentence whose options, such as ``--spacing``, stand out and stay whole on a page.
 
-    >>> str(advice("try < --spacing"))
+    Templates take ``__html__`` for text that is escaped already.
+
+    >>> Advice("Try < --spacing.").__html__()
     'Try &lt; <code>--spacing</code>.'
     """
-    from markupsafe import Markup, escape
 
-    options = r"--[a-z][a-z-]*(?: (?:all|auto|NAME|\d+))?"
-    return Markup(re.sub(options, r"<code>\g<0></code>", str(escape(as_sentence(line)))))
+    __slots__ = ()
+
+    def __html__(self) -> str:
+        """Return the sentence as HTML, escaped."""
+        options = r"--[a-z][a-z-]*(?: (?:all|auto|NAME|\d+))?"
+        return re.sub(options, r"<code>\g<0></code>", html.escape(self))
+
+
+def advice(line: str) -> Advice:
+    """Return a line of the program as `Advice`, a whole sentence."""
+    return Advice(as_sentence(line))
+
+
+def short_unit(unit: str) -> str:
+    """Return a unit of a total with powers of the length put together.
+
+    >>> short_unit("full scales per mm mm^3")
+    'full scales mm^2'
+    """
+    value, _, length = unit.rpartition(" per ")
+    own, _, cubed = length.partition(" ")
+    return f"{value} {own}^2" if value and cubed == f"{own}^3" else unit
 
 
 def verdict_part(verdict: Mapping[str, Any] | None) -> dict[str, Any] | None:

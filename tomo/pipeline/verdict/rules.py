@@ -259,7 +259,7 @@ RULES: tuple[Rule, ...] = (
         AMBER,
         findings.unproved,
         "how far off voxels are was not measured",
-        "Reconstruct one frame with --uncertainty auto, or hold a camera out (--hold-out NAME)",
+        "Reconstruct single frames (--uncertainty auto), or hold a camera out (--hold-out NAME)",
     ),
 )
 """What keeps a volume from being green. Their order is that of the steps: mend first what makes
