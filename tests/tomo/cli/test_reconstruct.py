@@ -92,6 +92,7 @@ def test_the_summary_is_on_stderr_one_line_a_fact(done):
     answer = lines.index(report["answer"]["sentence"])
     assert all(answer < next(n for n, x in enumerate(lines) if one in x) for one in said)
     assert sum(line.startswith("held out cam02: psnr ") for line in lines) == 1
+    assert report["verdict"]["sentence"] in lines[-2:]
 
 
 def test_report_json_is_written_last(done):

@@ -72,7 +72,7 @@ def test_the_report_says_what_was_refined(done):
     assert refinement["held_out_error_after"] < refinement["held_out_error_before"]
     assert "cam04" not in refinement["cameras"]
     page = (out / "report.html").read_text("utf-8")
-    section = page.split("<h2>Refined cameras</h2>")[1].split("<h2>")[0]
+    section = page.split("<h2>Which cameras were moved?</h2>")[1].split("<h2>")[0]
     assert refinement["reason"] in section
     assert section.count('<th scope="row">') == 8
     assert "cameras refined from the images" in result.stderr.replace("\n", " ")

@@ -50,6 +50,8 @@ def test_films_become_a_store_and_its_figures(made):
     assert report["held_out"]["cam01"]["psnr"] > 40
     assert "held out cam01, mean: psnr" in done.stderr
     assert report["answer"]["verdict"] == "explained"
+    assert sum(report["verdict"]["frames"].values()) == 3
+    assert report["verdict"]["sentence"] in done.stderr.splitlines()
     assert report["watched"] == report["left_out"] == []
     page = out.with_name("out_report.html")
     assert report["page"] == str(page)
