@@ -123,12 +123,6 @@ RULES: tuple[Rule, ...] = (
         "Calibrate the cameras again, or run with --refine-cameras all",
     ),
     Rule(
-        AMBER,
-        findings.refined,
-        "the positions of {count} camera(s) were corrected from the images",
-        "Use refined_rig.yaml, the corrected rig, for further frames",
-    ),
-    Rule(
         RED,
         partial(findings.outside, HARMFUL, MANY),
         "the grid cuts the flame: {share} of camera {camera}'s light comes from outside it",
@@ -254,6 +248,12 @@ RULES: tuple[Rule, ...] = (
         partial(findings.few, 3, FEWEST_VIEWS - 1),
         f"with {{views}} cameras a wrong one cannot be found: that takes {FEWEST_VIEWS}",
         "Add cameras, or check the calibration with check-rig and a calibration target",
+    ),
+    Rule(
+        AMBER,
+        findings.refined,
+        "the positions of {count} camera(s) were corrected from the images",
+        "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store",
     ),
     Rule(
         AMBER,
