@@ -26,8 +26,9 @@ TERMS: tuple[tuple[str, str, str], ...] = (
      "the half-width in about nine of ten voxels."),
     ("held out", r"held[- ]out", "A camera whose image the reconstruction never saw. The volume "
      "then predicts that image: the best check on real images."),
-    ("image unit, full scale", r"image units?|full scales?", "The number that a pixel of value 1 "
-     "stands for after corrections. Without radiometry the volume has this unit per length."),
+    ("image unit, full scale", r"image units?|full scales?", "The value 1 of a pixel after "
+     "corrections; a full scale is the most that a camera records. Without radiometry the volume "
+     "has such a unit per length: along a line of sight it adds up to the pixel."),
     ("iteration", r"iteration", "One step of the method towards the volume."),
     ("line integral, projection", r"line integral|re-projected|projected", "The volume's emission "
      "added up along a line of sight: what a pixel sees. The re-projected image is the volume as "

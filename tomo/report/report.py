@@ -95,7 +95,7 @@ def _about(report: Mapping, results: Results) -> str:
     return (
         f"Emission in {size} {unit} ({voxels} voxels) from {used} camera"
         f"{'s' if used != 1 else ''}, "
-        + (f"frame {frame}, " if frame else "")
+        + (f"frame {str(frame).removeprefix('frame_')}, " if frame else "")
         + f"method {report.get('method', results.method)}."
     )
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from tomo.pipeline.answer import HARMFUL
-from tomo.pipeline.verdict import expected_error
+from tomo.pipeline.verdict import expected_error, least_measured
 from tomo.report.words import advice, short_unit
 
 _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, math.inf))
@@ -95,7 +95,7 @@ def _of_details(voxels: Mapping, length: str) -> Rows:
             f"{found['half']:.2g} to {found['nine_tenths']:.2g} {length}",
             "finest details that the cameras measure",
             "Half of all details are measured down to the first size, 90 % down to the second, "
-            f"flat layers across {found['worst_direction_in_words']} only down to "
+            f"flat layers across {least_measured(found)} only down to "
             f"{found['worst']:.2g} {length}. Anything finer in the picture comes from smoothness, "
             "not from the images. Good: smaller than the structures that you look for.",
         ),

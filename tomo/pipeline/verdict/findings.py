@@ -114,8 +114,13 @@ def unmeasured(low: float, high: float, report: Facts) -> Iterator[Facts]:
     """Yield the direction that views measure least, where that is within bounds."""
     found = _part(report, "uncertainty", "voxels", "resolved_wavelength")
     if found and low <= _or_infinite(found.get("of_length")) <= high:
-        words = found["worst_direction_in_words"]
-        yield {"direction": f"(x, y, z) = {words}" if words.startswith("(") else words}
+        yield {"direction": least_measured(found)}
+
+
+def least_measured(resolved: Facts) -> str:
+    """Return the direction that views measure least, of a report's ``resolved_wavelength``."""
+    words = resolved["worst_direction_in_words"]
+    return f"(x, y, z) = {words}" if words.startswith("(") else words
 
 
 def few(low: int, high: int, report: Facts) -> Iterator[Facts]:

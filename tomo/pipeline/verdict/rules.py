@@ -228,7 +228,8 @@ RULES: tuple[Rule, ...] = (
     Rule(
         AMBER,
         partial(findings.uncertain, HARMFUL, NOISY),
-        "the error to expect of a voxel is {error} of the emission",
+        "the error to expect of a voxel is {error} of the emission; "
+        f"up to {HARMFUL:.0%} is good",
         "Trust sums and means over regions more than single voxels; more cameras narrow this",
     ),
     Rule(
