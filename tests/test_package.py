@@ -30,6 +30,7 @@ ORDER = (
     "tomo.draw",
     "tomo.export",
     "tomo.report",
+    "tomo.view",
     "tomo.cli",
 )  # fmt: skip
 

@@ -17,6 +17,7 @@ VERBS = {
     "simulate": "Simulate the images that a rig's cameras take of a phantom.",
     "reconstruct": "Reconstruct the emission in every voxel from a scan's images.",
     "export": "Write the frames of a store for other programs, or their statistics.",
+    "view": "Show a volume with its cameras, a film or a rig in the browser.",
     "visualize-rig": "Draw a rig's cameras and the volume that they look at.",
     "visualize-volume": "Draw a volume's planes, line integrals and surfaces.",
     "calibrate-rig": "Calibrate a rig from images of a flat target.",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -106,6 +107,7 @@ def assemble(
         options=options,
         scan={
             "frame": stages.load.frame,
+            "source": None if scan.source is None else str(Path(scan.source).absolute()),
             "scale": scan.shrink,
             **scan.corrections.colours,
             "value_unit": scan.value_unit(stages.load.frame),

@@ -61,6 +61,7 @@ def attributes_of_run(
                     scan.without(*options.hold_out), sorted({*keys, *refining})
                 ),
             },
+            "source": None if scan.source is None else str(Path(scan.source).absolute()),
             "rig": yaml.safe_load(rig_to_yaml(scan.rig)),
             "grid": grid.to_mapping(),
             "block": BLOCK,

@@ -1,0 +1,137 @@
+"""``flametomo view``: a result, a film or a rig in a page that this machine serves."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tomo.cli.console import say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.inputs import PatternOption, load_rig_and_grid
+
+if TYPE_CHECKING:
+    from tomo import Scan
+    from tomo.view import Content
+
+EXAMPLES = """
+flametomo view out
+flametomo view out.zarr --scan scan
+flametomo view rig.yaml
+flametomo view out --no-browser --port 8090
+"""
+
+
+def view(
+    shown: Annotated[
+        str,
+        typer.Argument(
+            metavar="OUT|OUT.zarr|RIG",
+            help="What reconstruct wrote, a volume file, a rig, or a scan: a rig with images.",
+        ),
+    ],
+    scan: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="SCAN",
+            help="The scan that the volume was made from, where it is no longer where it was.",
+        ),
+    ] = None,
+    rig: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="A rig.yaml, with --images, in place of --scan."),
+    ] = None,
+    images: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Images CAMERA/FRAME.tif, with --rig."),
+    ] = None,
+    pattern: PatternOption = None,
+    port: Annotated[
+        int, typer.Option(help="The first free port from here on is taken.", min=1, max=65535)
+    ] = 8080,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
+    ] = True,
+) -> None:
+    """Show a volume with its cameras, a film or a rig in the browser, to turn and compare.
+
+    The page comes from this machine alone and asks no other for anything. Ctrl-C ends it. Needs
+    pip install 'flametomo[viewer]'.
+    """
+    with bad_input_in_one_line():
+        content = _content(shown, _scan(scan, rig, images, pattern))
+        from tomo.view import Viewer
+
+        viewer = Viewer(content, port)
+    for note in content.notes:
+        say(f"note: {note}", "yellow")
+    say(f"open {viewer.url} (Ctrl-C ends)")
+    if browser and _has_display():
+        import webbrowser
+
+        webbrowser.open(viewer.url)
+    _wait()
+    viewer.stop()
+
+
+def _scan(
+    scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None
+) -> Scan | None:
+    """Return the scan that the options name; None without."""
+    from tomo import load_scan, scan_of_images
+
+    if scan is not None and rig is None and pattern is None:
+        return load_scan(scan, images)
+    if rig is not None and images is not None and scan is None:
+        return scan_of_images(rig, images, pattern)
+    if (scan, rig, images, pattern) != (None,) * 4:
+        raise ValueError("--scan: expected either a scan, or --rig and --images together")
+    return None
+
+
+def _content(shown: str, scan: Scan | None) -> Content:
+    """Return what to show, by what is at the path."""
+    from tomo import view as viewer
+    from tomo.report.outcome_files import FIGURES
+
+    path = Path(shown)
+    if path.suffix == ".zarr":
+        return viewer.content_of_film(path, scan)
+    if (path / FIGURES).is_file():
+        return viewer.content_of_outcome(path, scan)
+    if path.is_file() and path.name.lower().endswith(_VOLUMES):
+        return viewer.content_of_volume(path)
+    loaded, grid = load_rig_and_grid(shown)
+    if scan is None and _is_scan(path):
+        from tomo import load_scan
+
+        scan = load_scan(path)
+    return viewer.content_of_rig(path.stem, loaded, grid, scan)
+
+
+_VOLUMES = (".npz", ".vti", ".nrrd", ".mha", ".nii", ".nii.gz")
+
+
+def _is_scan(path: Path) -> bool:
+    return path.name == "scan.yaml" or (path / "scan.yaml").is_file()
+
+
+def _has_display() -> bool:
+    """Return whether a browser can be shown."""
+    if sys.platform in ("darwin", "win32"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _wait() -> None:
+    """Wait for Ctrl-C or SIGTERM, which end this command as they should: exit code 0."""
+    ends = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: ends.set())
+    while not ends.wait(0.5):
+        pass

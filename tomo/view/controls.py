@@ -1,0 +1,114 @@
+"""The page's controls, made of what there is to show."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+from tomo.draw.scene import ColourScale
+from tomo.view.colours import COLOURS
+from tomo.view.content import Content
+from tomo.view.volume_layer import AXES, NO_PICTURE, PICTURES
+
+if TYPE_CHECKING:
+    import viser
+
+FRAMES_A_SECOND = 5
+_THRESHOLD, _INNER = 15.0, 50.0  # percent of the peak: as in pages of volumes
+_PLANE_STEPS = 200
+
+
+@dataclass(eq=False)
+class Controls:
+    """Handles of the controls, by what they do; None where there is nothing to control.
+
+    Attributes
+    ----------
+    place, playing, speed
+        The frame, whether the film runs, frames a second.
+    words
+        What is shown, in numbers.
+    threshold, inner, with_surface
+        Percent of the peak; whether the surfaces are shown.
+    planes : list of (is shown, world coordinate)
+    along
+        The picture along the line of sight.
+    colours, span
+        The colour map; the percent of the peak at its ends.
+    layers : dict
+        The rig's layers.
+    camera
+        The camera to compare.
+    """
+
+    place: Any = None
+    playing: Any = None
+    speed: Any = None
+    words: Any = None
+    threshold: Any = None
+    inner: Any = None
+    with_surface: Any = None
+    planes: list = field(default_factory=list)
+    along: Any = None
+    colours: Any = None
+    span: Any = None
+    layers: dict = field(default_factory=dict)
+    camera: Any = None
+
+    def scale(self, peak: float) -> ColourScale:
+        """Return the chosen colour scale of a volume's values."""
+        lower, upper = (peak * percent / 100 for percent in self.span.value)
+        return ColourScale("", lower, max(upper, lower + 1e-6 * peak), self.colours.value)
+
+
+def add_controls(
+    gui: viser.GuiApi, content: Content, layers: tuple[str, ...], shown: dict[str, bool]
+) -> Controls:
+    """Add the controls of a content to the page."""
+    made = Controls()
+    if content.n_frames > 1:
+        with gui.add_folder("Film" if content.frames else "Images"):
+            made.place = gui.add_slider("frame", 0, content.n_frames - 1, 1, 0)
+            made.playing = gui.add_checkbox("play", False)
+            made.speed = gui.add_slider("frames/s", 1, 20, 1, FRAMES_A_SECOND)
+    made.words = gui.add_markdown("")
+    if content.frames is not None:
+        _volume_controls(gui, content, made)
+    if layers:
+        with gui.add_folder("Shown"):
+            for layer in layers:
+                made.layers[layer] = gui.add_checkbox(layer, shown.get(layer, True))
+    if content.scan is not None:
+        with gui.add_folder("Camera"):
+            names = ("none", *content.rig.names)
+            hint = "a click on a camera chooses it, too"
+            made.camera = gui.add_dropdown("compare", names, "none", hint=hint)
+    for note in content.notes:
+        gui.add_markdown(f"*{note}*")
+    return made
+
+
+def _volume_controls(gui: viser.GuiApi, content: Content, made: Controls) -> None:
+    grid = content.grid
+    with gui.add_folder("Volume"):
+        made.with_surface = gui.add_checkbox("surfaces", True)
+        hint = "percent of the peak"
+        made.threshold = gui.add_slider("threshold %", 1.0, 100.0, 0.5, _THRESHOLD, hint=hint)
+        made.inner = gui.add_slider("inner %", 1.0, 100.0, 0.5, _INNER, hint=hint)
+        for axis, letter in enumerate(AXES):
+            lower, upper = float(grid.lower[axis]), float(grid.upper[axis])
+            made.planes.append(
+                (
+                    gui.add_checkbox(f"plane {letter}", False),
+                    gui.add_slider(
+                        f"{letter} ({content.length_unit})",
+                        lower,
+                        upper,
+                        (upper - lower) / _PLANE_STEPS,
+                        float(grid.center[axis]),
+                    ),
+                )
+            )
+        made.along = gui.add_dropdown("line of sight", PICTURES, NO_PICTURE)
+        made.colours = gui.add_dropdown("colours", COLOURS, COLOURS[0])
+        made.span = gui.add_multi_slider("range %", 0.0, 100.0, 0.5, (0.0, 100.0))

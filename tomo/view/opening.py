@@ -1,0 +1,247 @@
+"""Content from what is on disk: an outcome, a store of frames, a volume, a rig or a scan."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigs import Rig, load_rig
+from tomo.grid import VoxelGrid
+from tomo.io import VolumeFilm, read_volume_with_unit
+from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
+from tomo.scan import Scan, load_scan
+from tomo.series.store import FORMAT, SeriesStore
+from tomo.view.content import Content
+from tomo.view.frames import Frames
+
+HOW = "--scan SCAN, or --rig and --images, name it"
+
+
+def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
+    """Return the content of a folder that ``flametomo reconstruct -o FOLDER`` wrote.
+
+    Parameters
+    ----------
+    folder : Path
+    scan : Scan, optional
+        The scan it was made from; the one that ``report.json`` names when None.
+
+    Raises
+    ------
+    ValueError
+        If a file is damaged, or the scan has not the frame or the cameras of the outcome.
+    FileNotFoundError
+        If there is no volume.
+    """
+    report = _report(folder / FIGURES)
+    data, grid, length_unit, value_unit = read_volume_with_unit(
+        folder / VOLUME_FILES[0], allow_nan=True
+    )
+    about = report.get("scan") or {}
+    notes: list[str] = []
+    scan = scan or _found_scan(about.get("source"), folder, notes)
+    rig = None
+    if scan is not None:
+        refined = load_rig(folder / RIG_FILE) if (folder / RIG_FILE).is_file() else None
+        scan = _as_reconstructed(scan, refined, about)
+        rig = scan.rig
+        _check_lengths(scan, length_unit, folder)
+    views = report.get("views") or {}
+    moment = _moment(scan, about.get("frame"))
+    return Content(
+        folder.name,
+        rig,
+        grid,
+        Frames((moment or "volume",), lambda place: data),
+        scan,
+        (moment,) if scan else (),
+        value_unit,
+        length_unit,
+        lambda camera, place: (views.get(camera) or {}).get("relative_residual"),
+        tuple(notes),
+    )
+
+
+def content_of_film(path: Path, scan: Scan | None = None) -> Content:
+    """Return the content of a store that ``flametomo reconstruct --frames`` wrote, or of a film.
+
+    Raises
+    ------
+    ValueError
+        If it is no store or has no complete frame, or the scan does not have its frames.
+    """
+    if _is_volume_film(path):
+        return _content_of_volume_film(path)
+    store = SeriesStore(path)
+    about = store.attributes
+    places = np.flatnonzero(store.complete)
+    if not len(places):
+        raise ValueError(f"{path}: frames: found none that is complete, expected one")
+    notes: list[str] = []
+    scan = scan or _found_scan(about.get("source"), path.parent, notes)
+    corrected = _stored_rig(about.get("corrected_rig"), path, notes)
+    rig = corrected or _stored_rig(about.get("rig"), path, notes)
+    names = (about.get("scan") or {}).get("frames")
+    moments: tuple[str, ...] = ()
+    if scan is not None:
+        settings = about.get("scan") or {}
+        scan = _as_reconstructed(scan, corrected, settings | (settings.get("corrections") or {}))
+        rig = scan.rig
+        _check_lengths(scan, about["length_unit"], path)
+        moments = tuple(_moment(scan, names[place] if names else None) for place in places)
+    if left := store.n_frames - len(places):
+        notes.append(f"{left} of {store.n_frames} frames are not complete and not shown")
+    times, unit = store.group["time"][:], about["time_unit"]
+    numbers = store.group["frame"][:]
+    shown = tuple(
+        f"frame {numbers[place]}" + (f", {times[place]:.6g} s" if unit == "s" else "")
+        for place in places
+    )
+    residuals = store.group["view_residual"][:]
+    columns = {name: column for column, name in enumerate(about["cameras"])}
+
+    def residual(camera: str, place: int) -> float | None:
+        column = columns.get(camera)
+        found = np.nan if column is None else float(residuals[places[place], column])
+        return found if np.isfinite(found) else None
+
+    return Content(
+        path.stem,
+        rig,
+        store.grid,
+        Frames(shown, lambda place: store.volume(int(places[place]))),
+        scan,
+        moments,
+        about["value_unit"],
+        about["length_unit"],
+        residual,
+        tuple(notes),
+    )
+
+
+def content_of_volume(path: Path, **grid: Any) -> Content:
+    """Return the content of a volume file; ``grid`` is for a .npy, which has none of its own."""
+    data, voxels, length_unit, value_unit = read_volume_with_unit(path, allow_nan=True, **grid)
+    frames = Frames((path.stem,), lambda place: data)
+    return Content(path.stem, None, voxels, frames, value_unit=value_unit, length_unit=length_unit)
+
+
+def content_of_rig(
+    title: str, rig: Rig, grid: VoxelGrid | None = None, scan: Scan | None = None
+) -> Content:
+    """Return the content of a rig, with the images of a scan by it where there is one."""
+    if not len(rig):
+        raise ValueError(f"{title}: cameras: found none, expected at least one to show")
+    if scan is not None:
+        rig, grid = scan.rig, grid or scan.grid
+    moments = scan.frame_names if scan else ()
+    return Content(title, rig, grid, scan=scan, moments=moments, length_unit=rig.length_unit)
+
+
+def _report(path: Path) -> Mapping[str, Any]:
+    """Return what is in a report.json."""
+    try:
+        report = json.loads(path.read_text("utf-8"))
+    except ValueError as error:
+        raise ValueError(f"{path}: not JSON: {error}") from None
+    if not isinstance(report, dict):
+        raise ValueError(f"{path}: found {type(report).__name__}, expected a mapping")
+    return report
+
+
+def _found_scan(source: str | None, beside: Path, notes: list[str]) -> Scan | None:
+    """Return the scan that something was made from, as it says; a note where it is not there."""
+    if not source:
+        notes.append(f"measured images: the scan is not on record; {HOW}")
+        return None
+    places = [Path(source), beside / Path(source).name]
+    there = [place for place in places if place.exists()]
+    if not there:
+        notes.append(f"measured images: no scan at {source} any more; {HOW}")
+        return None
+    try:
+        return load_scan(there[0])
+    except (ValueError, OSError) as error:
+        notes.append(f"measured images: {' '.join(str(error).split())}; {HOW}")
+        return None
+
+
+def _as_reconstructed(scan: Scan, rig: Rig | None, about: Mapping[str, Any]) -> Scan:
+    """Return a scan with the rig, the colour and the scale that were used."""
+    if rig is not None:
+        common = [name for name in scan.rig.names if name in rig.names]
+        if not common:
+            raise ValueError(
+                f"{scan.source}: cameras: found {', '.join(scan.rig.names)}, expected those of "
+                f"the outcome, {', '.join(rig.names)}"
+            )
+        known = scan.only(*common)
+        cameras = tuple(rig[name] for name in common)
+        for camera in cameras:
+            size = tuple(scan.recorded_sizes[camera.name])
+            if tuple(camera.image_size) != size:
+                raise ValueError(
+                    f"{scan.source}: camera {camera.name}: found images of {size[0]} x {size[1]} "
+                    f"pixels, expected {camera.image_size[0]} x {camera.image_size[1]}, those "
+                    "that the outcome was made from"
+                )
+        scan = replace(known, rig=replace(rig, cameras=cameras), recorded_sizes=None)
+    own = scan.corrections
+    channel, bayer = about.get("channel"), about.get("bayer")
+    if isinstance(channel, str) and own.channel is None:
+        scan = scan.of_channel(channel, bayer if isinstance(bayer, str) else None)
+    scale = about.get("scale")
+    return scan.scaled(scale) if isinstance(scale, int) and scan.shrink == 1 else scan
+
+
+def _moment(scan: Scan | None, name: str | None) -> str | None:
+    """Return the name of a frame that the scan must have."""
+    return name if scan is None else scan.frame(name).name
+
+
+def _check_lengths(scan: Scan, unit: str, where: Path) -> None:
+    if scan.rig.length_unit != unit:
+        raise ValueError(
+            f"{scan.source}: length_unit: found {scan.rig.length_unit!r}, expected {unit!r}, "
+            f"that of {where}"
+        )
+
+
+def _stored_rig(stored: Mapping[str, Any] | None, path: Path, notes: list[str]) -> Rig | None:
+    """Return the rig in a store's attributes; a note where it needs files beside it."""
+    if not stored:
+        return None
+    import yaml
+
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "rig.yaml"
+        file.write_text(yaml.safe_dump(dict(stored)), "utf-8")
+        try:
+            return load_rig(file)
+        except (ValueError, OSError) as error:
+            said = " ".join(str(error).split()).replace(str(file), str(path))
+            notes.append(f"cameras: {said}; {HOW}")
+            return None
+
+
+def _is_volume_film(path: Path) -> bool:
+    """Return whether a folder is a film of volumes, such as a simulation's truth."""
+    try:
+        about = json.loads((path / "zarr.json").read_text("utf-8"))
+        found = about["attributes"]["format"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    return found != FORMAT
+
+
+def _content_of_volume_film(path: Path) -> Content:
+    film = VolumeFilm(path)
+    names = tuple(f"frame {number}" for number in range(film.n_frames))
+    frames = Frames(names, film.read)
+    return Content(path.stem, None, film.grid, frames, length_unit=film.length_unit)

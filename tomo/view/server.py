@@ -1,0 +1,102 @@
+"""A server of viser that this machine alone reaches, and whose page asks no other for anything."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import socket
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from tomo.view.world import World
+
+if TYPE_CHECKING:
+    import viser
+
+    from tomo.draw.frame import Up
+
+HOST = "127.0.0.1"
+PORT = 8080
+"""Where the search for a free port begins."""
+
+_PORTS = 1000  # tried, one after the other
+
+
+def free_port(first: int = PORT) -> int:
+    """Return the first port from ``first`` on that nobody listens at.
+
+    Raises
+    ------
+    ValueError
+        If there is none among a thousand, or ``first`` is no port.
+    """
+    if not 1 <= first <= 65535:
+        raise ValueError(f"--port: found {first}, expected a number from 1 to 65535")
+    for port in range(first, min(first + _PORTS, 65536)):
+        with socket.socket() as tried:
+            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            with contextlib.suppress(OSError):
+                tried.bind((HOST, port))
+                return port
+    raise ValueError(f"--port: found none free from {first} on, expected one")
+
+
+def local_server(port: int, title: str) -> viser.ViserServer:
+    """Start the server at a free port; its page shares nothing and fetches nothing.
+
+    Raises
+    ------
+    ValueError
+        If viser is not installed.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise ValueError("view: viser is not installed; pip install 'flametomo[viewer]'") from None
+
+    class LocalServer(viser.ViserServer):
+        """A server without viser's public addresses, whatever a page asks for."""
+
+        def request_share_url(self, verbose: bool = True) -> str | None:
+            """Refuse: the page stays on this machine."""
+            return None
+
+    with _quiet(viser):
+        server = LocalServer(host=HOST, port=port, label=title, verbose=False)
+    server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
+    server.scene.configure_environment_map(None)
+    server.scene.configure_default_lights(cast_shadow=False)
+    return server
+
+
+@contextlib.contextmanager
+def _quiet(viser: object) -> Iterator[None]:
+    """Start a server without its banner, and without a build of its page from sources.
+
+    viser builds its page anew, with packages from the network, where the times of its files
+    say that the sources are newer; an archive that was unpacked in another order looks so.
+    """
+    builder = getattr(viser._viser, "_client_autobuild", None)
+    build = getattr(builder, "ensure_client_is_built", None)
+    if build is not None:
+        builder.ensure_client_is_built = lambda: None
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):
+            yield
+    finally:
+        if build is not None:
+            builder.ensure_client_is_built = build
+
+
+def first_look(server: viser.ViserServer, world: World, up: Up) -> None:
+    """Place the page's eye so that everything is in sight, a little from above."""
+    from tomo.draw.frame import EYE
+
+    server.scene.set_up_direction(tuple(up.vector))
+    camera = server.initial_camera
+    away = up.eye_direction(*EYE)
+    camera.fov = 0.7
+    distance = 1.15 * max(world.reach, 1.2) / 0.36
+    camera.position = tuple(float(c) for c in distance * away)
+    camera.look_at = (0.0, 0.0, 0.0)
+    camera.near, camera.far = 0.02, 20.0 * distance

@@ -1,0 +1,140 @@
+"""The volume in the page: two surfaces, three planes, and pictures along the line of sight."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.draw.scene import ColourScale
+from tomo.draw.viewpoint import Viewpoint
+from tomo.grid import VoxelGrid
+from tomo.view.colours import painted, plane_picture
+from tomo.view.rendering import INTEGRAL, MAXIMUM, seen_along
+from tomo.view.rig_layer import quaternion
+from tomo.view.surfaces import light_surface
+from tomo.view.world import World
+
+if TYPE_CHECKING:
+    import viser
+
+AXES = "xyz"
+NO_PICTURE = "none"
+PICTURES = (NO_PICTURE, MAXIMUM, INTEGRAL)
+
+OUTER_OPACITY = 0.35
+"""Of the surface at the threshold, so that the one within shows through."""
+
+COARSE, FINE = 150, 420
+"""Rows of a picture along the line of sight while the eye moves, and when it rests."""
+
+
+class VolumeLayer:
+    """What is drawn of one volume.
+
+    Parameters
+    ----------
+    server : viser.ViserServer
+    world : World
+    grid : VoxelGrid
+    """
+
+    def __init__(self, server: viser.ViserServer, world: World, grid: VoxelGrid) -> None:
+        self._server, self._world, self._grid = server, world, grid
+        self._planes: dict[int, viser.ImageHandle] = {}
+
+    def __repr__(self) -> str:
+        return f"VolumeLayer(grid={self._grid!r})"
+
+    def show_surface(
+        self, name: str, volume: NDArray, level: float, colour: tuple, opacity: float
+    ) -> int:
+        """Draw the surface at a level, above zero, in place of the last of this name.
+
+        Returns
+        -------
+        int
+            Its triangles; with none the last surface is taken away.
+        """
+        vertices, triangles = light_surface(volume, self._grid, level)
+        if not len(triangles):
+            self.hide_surface(name)
+            return 0
+        self._server.scene.add_mesh_simple(
+            f"/surface/{name}",
+            self._world.points(vertices),
+            triangles,
+            color=colour,
+            opacity=None if opacity >= 1 else opacity,
+            side="double",
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+        return len(triangles)
+
+    def hide_surface(self, name: str) -> None:
+        """Take a surface away."""
+        handle = self._server.scene.get_handle_by_name(f"/surface/{name}")
+        if handle is not None:
+            handle.remove()
+
+    def show_plane(self, volume: NDArray, axis: int, at: float, scale: ColourScale) -> None:
+        """Draw the plane across an axis at a world coordinate."""
+        picture = plane_picture(volume, self._grid, axis, at, scale)
+        center = np.array(self._grid.center)
+        center[axis] = at
+        position = tuple(self._world.points(center))
+        if axis in self._planes:
+            handle = self._planes[axis]
+            handle.image, handle.position, handle.visible = picture, position, True
+            return
+        level, upright = (axis + 1) % 3, (axis + 2) % 3
+        extent = self._grid.extent / self._world.unit
+        self._planes[axis] = self._server.scene.add_image(
+            f"/planes/{AXES[axis]}",
+            picture,
+            float(extent[level]),
+            float(extent[upright]),
+            format="png",
+            wxyz=quaternion(np.eye(3)[[level, upright, axis]].T),
+            position=position,
+            cast_shadow=False,
+            receive_shadow=False,
+        )
+
+    def hide_plane(self, axis: int) -> None:
+        """Hide the plane across an axis."""
+        if axis in self._planes:
+            self._planes[axis].visible = False
+
+    def picture_for(
+        self,
+        camera: viser.CameraHandle,
+        volume: NDArray,
+        how: str,
+        colours: ColourScale,
+        rows: int,
+    ) -> NDArray[np.uint8]:
+        """Return what a page's eye sees of the volume, in colours, ``(rows, columns, 3)``.
+
+        Colours are of the values for the maximum. Integrals have no common scale: the brightest
+        is the last colour.
+        """
+        viewpoint = viewpoint_of(camera, self._world, rows)
+        seen = seen_along(volume, self._grid, viewpoint, how, 0.5 if rows >= FINE else 1.0)
+        if how == INTEGRAL:
+            most = float(seen.max(initial=0.0)) or 1.0
+            colours = ColourScale("", 0.0, most, colours.colours)
+        return painted(seen, colours)
+
+
+def viewpoint_of(camera: viser.CameraHandle, world: World, rows: int) -> Viewpoint:
+    """Return a page's eye as a viewpoint of a picture of so many rows."""
+    from scipy.spatial.transform import Rotation
+
+    columns = max(2, round(rows * camera.aspect))
+    focal = rows / 2 / np.tan(camera.fov / 2)
+    axes = Rotation.from_quat(np.asarray(camera.wxyz), scalar_first=True).as_matrix().T
+    principal = np.array([columns - 1, rows - 1]) / 2
+    return Viewpoint(world.back(camera.position), axes, focal, principal, (columns, rows))
