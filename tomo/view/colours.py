@@ -14,6 +14,7 @@ COLOURS = ("inferno", "viridis", "magma", "turbo", "gray")
 """Colour maps to choose from."""
 
 _LONGEST_PLANE = 512  # pixels of a plane's longer side: finer does not show
+_GROUND = 36  # grey of the page's panels
 _GAP = 6  # pixels between pictures
 _HEADING = 22  # pixels above a picture
 
@@ -84,13 +85,13 @@ def beside_each_other(
         how = cv2.INTER_AREA if factor < 1 else cv2.INTER_NEAREST
         image = cv2.resize(picture, size, interpolation=how)
         wide = max(size[0], 150)
-        panel = np.full((size[1] + _HEADING, wide, 3), 255, np.uint8)
+        panel = np.full((size[1] + _HEADING, wide, 3), _GROUND, np.uint8)
         panel[_HEADING:, (wide - size[0]) // 2 :][:, : size[0]] = image
         cv2.putText(
-            panel, heading, (1, _HEADING - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (27, 39, 51), 1,
+            panel, heading, (1, _HEADING - 7), cv2.FONT_HERSHEY_SIMPLEX, 0.42, (205, 210, 215), 1,
             cv2.LINE_AA,
         )  # fmt: skip
-        shown += [panel, np.full((len(panel), _GAP, 3), 255, np.uint8)]
+        shown += [panel, np.full((len(panel), _GAP, 3), _GROUND, np.uint8)]
     return np.concatenate(shown[:-1], axis=1)
 
 

@@ -2,20 +2,54 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw.scene import ColourScale
 from tomo.grid import VoxelGrid
-from tomo.operators import LinearSystem
+from tomo.operators import LINEAR, Gains, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.pipeline.evaluate import views_of
 from tomo.pipeline.view import View
 from tomo.scan import Scan
 from tomo.view.colours import beside_each_other, painted
+
+
+@dataclass(frozen=True)
+class Model:
+    """How a reconstruction said that images come from its volume.
+
+    Attributes
+    ----------
+    is_linear : bool
+        Whether the emission was linear between the centres of voxels, rather than constant in each.
+    gain, offset : mapping
+        Camera to the gain and the background of its images; 1 and 0 where none is known.
+    """
+
+    is_linear: bool = False
+    gain: Mapping[str, float] = field(default_factory=dict)
+    offset: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, basis: Mapping[str, Any] | None, gains: Mapping[str, Any] | None) -> Model:
+        """Return the model of a report's ``basis`` and ``gains``."""
+        known = gains or {}
+        is_linear = (basis or {}).get("name") == LINEAR
+        return cls(is_linear, known.get("gain") or {}, known.get("offset") or {})
+
+    def gains_of(self, camera: str) -> Gains | None:
+        """Return the gain and the background of one camera; None where none are known."""
+        if camera not in self.gain:
+            return None
+        known = Gains.none(1)
+        gain, offset = self.gain[camera], self.offset.get(camera, 0.0)
+        return replace(known, gain=np.array([float(gain)]), offset=np.array([float(offset)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +102,7 @@ class Comparison:
 
     @property
     def largest_difference(self) -> float:
-        """The end of the colour scale of the difference: all but 0.1 % of the pixels are within."""
+        """The end of the colours of the difference: 99.9 % of the pixels are within."""
         return float(np.quantile(np.abs(self.difference), 0.999)) or 1e-30
 
     def words(self) -> str:
@@ -91,6 +125,7 @@ def compare(
     camera: str,
     volume: NDArray[np.float32] | None = None,
     grid: VoxelGrid | None = None,
+    model: Model = Model(),
     recorded: float | None = None,
 ) -> Comparison:
     """Return a camera's image of a moment beside the line integrals of a volume.
@@ -104,13 +139,15 @@ def compare(
     camera : str
     volume : (nx, ny, nz) float32, optional
     grid : VoxelGrid, optional
+    model : Model
+        The basis, gains and backgrounds of the volume.
     recorded : float, optional
         The relative residual on record.
 
     Notes
     -----
-    One ray goes through each pixel's middle. Gains, backgrounds, blur and absorption that a
-    reconstruction corrected are not applied: see the residual on record.
+    One ray goes through each pixel's middle. Blur, absorption and learned weights of a
+    reconstruction are not applied: see the residual on record.
     """
     own = scan.only(camera)
     images, masks = own.read(moment)
@@ -121,7 +158,9 @@ def compare(
     except VolumeNotSeenError:
         dark = np.zeros_like(images[0])
         return Comparison(camera, images[0], View(camera, images[0], dark, masks[0]), recorded)
-    view = views_of(system, volume, images, masks)[0]
+    if model.is_linear:
+        system = system.with_linear_basis().on_voxel_means
+    view = views_of(system, volume, images, masks, model.gains_of(camera))[0]
     return Comparison(camera, images[0], view, recorded)
 
 

@@ -14,6 +14,7 @@ from tomo.draw.frame import Up
 from tomo.draw.rig.rig_scene import Target, grid_of, up_of
 from tomo.grid import VoxelGrid
 from tomo.scan import Scan
+from tomo.view.comparison import Model
 from tomo.view.frames import Frames
 
 
@@ -36,6 +37,8 @@ class Content:
     value_unit : str
         Of the volumes; empty if unknown.
     length_unit : str
+    model : Model
+        How images come from the volume.
     residual : callable, optional
         From a camera's name and a frame's place to the relative residual on record, or None.
     notes : tuple of str
@@ -50,6 +53,7 @@ class Content:
     moments: tuple[str, ...] = ()
     value_unit: str = ""
     length_unit: str = "mm"
+    model: Model = Model()
     residual: Callable[[str, int], float | None] | None = None
     notes: tuple[str, ...] = ()
 

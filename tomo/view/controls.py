@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     import viser
 
 FRAMES_A_SECOND = 5
+LOOKS = VOLUME, CAMERAS = "volume", "cameras"
 _THRESHOLD, _INNER = 15.0, 50.0  # percent of the peak: as in pages of volumes
 _PLANE_STEPS = 200
 
@@ -28,6 +29,8 @@ class Controls:
         The frame, whether the film runs, frames a second.
     words
         What is shown, in numbers.
+    look_at
+        Buttons that move the eye, see `LOOKS`.
     threshold, inner, with_surface
         Percent of the peak; whether the surfaces are shown.
     planes : list of (is shown, world coordinate)
@@ -45,6 +48,7 @@ class Controls:
     playing: Any = None
     speed: Any = None
     words: Any = None
+    look_at: Any = None
     threshold: Any = None
     inner: Any = None
     with_surface: Any = None
@@ -69,9 +73,11 @@ def add_controls(
     if content.n_frames > 1:
         with gui.add_folder("Film" if content.frames else "Images"):
             made.place = gui.add_slider("frame", 0, content.n_frames - 1, 1, 0)
-            made.playing = gui.add_checkbox("play", False)
+            made.playing = gui.add_checkbox("play", initial_value=False)
             made.speed = gui.add_slider("frames/s", 1, 20, 1, FRAMES_A_SECOND)
     made.words = gui.add_markdown("")
+    if content.rig is not None and content.box is not None:
+        made.look_at = gui.add_button_group("look at", LOOKS)
     if content.frames is not None:
         _volume_controls(gui, content, made)
     if layers:
@@ -82,7 +88,7 @@ def add_controls(
         with gui.add_folder("Camera"):
             names = ("none", *content.rig.names)
             hint = "a click on a camera chooses it, too"
-            made.camera = gui.add_dropdown("compare", names, "none", hint=hint)
+            made.camera = gui.add_dropdown("compare", names, initial_value="none", hint=hint)
     for note in content.notes:
         gui.add_markdown(f"*{note}*")
     return made
@@ -109,6 +115,6 @@ def _volume_controls(gui: viser.GuiApi, content: Content, made: Controls) -> Non
                     ),
                 )
             )
-        made.along = gui.add_dropdown("line of sight", PICTURES, NO_PICTURE)
-        made.colours = gui.add_dropdown("colours", COLOURS, COLOURS[0])
+        made.along = gui.add_dropdown("line of sight", PICTURES, initial_value=NO_PICTURE)
+        made.colours = gui.add_dropdown("colours", COLOURS, initial_value=COLOURS[0])
         made.span = gui.add_multi_slider("range %", 0.0, 100.0, 0.5, (0.0, 100.0))

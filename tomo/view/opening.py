@@ -17,6 +17,7 @@ from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan, load_scan
 from tomo.series.store import FORMAT, SeriesStore
+from tomo.view.comparison import Model
 from tomo.view.content import Content
 from tomo.view.frames import Frames
 
@@ -63,6 +64,7 @@ def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
         (moment,) if scan else (),
         value_unit,
         length_unit,
+        Model.of(report.get("basis"), report.get("gains")),
         lambda camera, place: (views.get(camera) or {}).get("relative_residual"),
         tuple(notes),
     )
@@ -97,6 +99,7 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
         moments = tuple(_moment(scan, names[place] if names else None) for place in places)
     if left := store.n_frames - len(places):
         notes.append(f"{left} of {store.n_frames} frames are not complete and not shown")
+    plan = about.get("plan") or {}
     times, unit = store.group["time"][:], about["time_unit"]
     numbers = store.group["frame"][:]
     shown = tuple(
@@ -120,6 +123,7 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
         moments,
         about["value_unit"],
         about["length_unit"],
+        Model.of(plan.get("basis"), plan.get("gains")),
         residual,
         tuple(notes),
     )

@@ -18,7 +18,7 @@ MAXIMUM, INTEGRAL = "maximum", "line integrals"
 
 
 def seen_along(
-    data: NDArray[np.float32], grid: VoxelGrid, viewpoint: Viewpoint, how: str, step: float = 0.5
+    data: NDArray[np.float32], grid: VoxelGrid, viewpoint: Viewpoint, how: str, step: float = 1.0
 ) -> NDArray[np.float32]:
     """Return what each pixel of a viewpoint sees of a volume, ``(height, width)``.
 

@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 SHOWN = {"sight lines": False, "box": True, "solids": True}
 """Groups of the rig's scene that become layers, and whether they are shown at first."""
 
-_FACING = 64  # pixels of an image in a camera's symbol along its longer side at least
+LIGHT = (0.75, 0.78, 0.82)
+"""Of the box, on the page's dark ground, where other pictures have a dark one on white."""
 
 
 class RigLayer:
@@ -125,7 +126,7 @@ class RigLayer:
                 f"/{layer.replace(' ', '_')}/{number}",
                 self._world.points(mesh.vertices),
                 mesh.triangles,
-                color=mesh.colour,
+                color=LIGHT if layer == "box" else mesh.colour,
                 opacity=None if mesh.opacity >= 1 else mesh.opacity,
                 side="double",
                 cast_shadow=False,

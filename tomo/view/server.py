@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import contextlib
 import io
+import math
 import socket
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
+
+from numpy.typing import NDArray
 
 from tomo.view.world import World
 
@@ -18,6 +21,9 @@ if TYPE_CHECKING:
 HOST = "127.0.0.1"
 PORT = 8080
 """Where the search for a free port begins."""
+
+FIELD_OF_VIEW = 0.7
+"""Upright angle of the page's eye in radians; more distorts what is near the border."""
 
 _PORTS = 1000  # tried, one after the other
 
@@ -63,7 +69,9 @@ def local_server(port: int, title: str) -> viser.ViserServer:
 
     with _quiet(viser):
         server = LocalServer(host=HOST, port=port, label=title, verbose=False)
-    server.gui.configure_theme(control_width="medium", show_logo=False, show_share_button=False)
+    server.gui.configure_theme(
+        control_width="medium", show_logo=False, show_share_button=False, dark_mode=True
+    )
     server.scene.configure_environment_map(None)
     server.scene.configure_default_lights(cast_shadow=False)
     return server
@@ -88,15 +96,34 @@ def _quiet(viser: object) -> Iterator[None]:
             builder.ensure_client_is_built = build
 
 
-def first_look(server: viser.ViserServer, world: World, up: Up) -> None:
-    """Place the page's eye so that everything is in sight, a little from above."""
+def eye_on(world: World, up: Up, radius: float) -> tuple[NDArray, float]:
+    """Return where the page's eye sees all within a radius of the middle, and how far it sees.
+
+    Parameters
+    ----------
+    world : World
+    up : Up
+    radius : float
+        In the page's units.
+
+    Returns
+    -------
+    position : (3,) float64
+        A little from above, looking at the middle.
+    far : float
+        Beyond everything that is drawn.
+    """
     from tomo.draw.frame import EYE
 
+    distance = 1.1 * radius / math.sin(FIELD_OF_VIEW / 2)
+    return distance * up.eye_direction(*EYE), 4.0 * (distance + world.reach)
+
+
+def first_look(server: viser.ViserServer, world: World, up: Up, radius: float) -> None:
+    """Place the eye of every page that opens so that all within a radius is in sight."""
+    position, far = eye_on(world, up, radius)
     server.scene.set_up_direction(tuple(up.vector))
     camera = server.initial_camera
-    away = up.eye_direction(*EYE)
-    camera.fov = 0.7
-    distance = 1.15 * max(world.reach, 1.2) / 0.36
-    camera.position = tuple(float(c) for c in distance * away)
-    camera.look_at = (0.0, 0.0, 0.0)
-    camera.near, camera.far = 0.02, 20.0 * distance
+    camera.fov = FIELD_OF_VIEW
+    camera.position, camera.look_at = tuple(position.tolist()), (0.0, 0.0, 0.0)
+    camera.near, camera.far = 1e-3 * far, far

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.view.colours import painted, photographs
+from tomo.view.colours import photographs
 from tomo.view.comparison import Comparison, compare
 from tomo.view.content import Content
-from tomo.view.controls import Controls, add_controls
+from tomo.view.controls import CAMERAS, VOLUME, Controls, add_controls
 from tomo.view.rig_layer import SHOWN, RigLayer
-from tomo.view.server import HOST, PORT, first_look, free_port, local_server
+from tomo.view.server import HOST, PORT, eye_on, first_look, free_port, local_server
 from tomo.view.volume_layer import COARSE, FINE, NO_PICTURE, OUTER_OPACITY, VolumeLayer
 from tomo.view.worker import Worker
 from tomo.view.world import World
@@ -57,7 +57,8 @@ class Viewer:
         number = free_port(port)
         self.server = local_server(number, f"flametomo: {content.title}")
         self.url = f"http://{HOST}:{self.server.get_port()}"
-        first_look(self.server, self._world, content.up)
+        near = content.frames is not None or content.rig is None
+        first_look(self.server, self._world, content.up, self._radius(VOLUME if near else CAMERAS))
         self.worker = Worker(self._say)
         self.comparison: Comparison | None = None
         self._panel: dict[str, Any] = {}
@@ -126,11 +127,24 @@ class Viewer:
                 handle.on_update(self._recolour)
         if controls.along is not None:
             controls.along.on_update(lambda _: self._look_again())
+        if controls.look_at is not None:
+            controls.look_at.on_click(self._turn_to)
         if controls.place is not None:
             controls.place.on_update(lambda _: self.refresh())
         on(controls.camera, "camera", self._compare)
         for layer, handle in controls.layers.items():
             on(handle, f"layer {layer}", partial(self._layer, layer))
+
+    def _radius(self, look: str) -> float:
+        return 1.0 if look == VOLUME else max(1.0, self._world.reach)
+
+    def _turn_to(self, event: Any) -> None:
+        """Move the eye of the page whose button was pressed."""
+        camera = event.client.camera
+        position, _ = eye_on(self._world, self.content.up, self._radius(event.target.value))
+        with event.client.atomic():
+            camera.position, camera.look_at = position, np.zeros(3)
+            camera.up_direction = self.content.up.vector
 
     def _recolour(self, _: object) -> None:
         self._refresh_volume()
@@ -169,8 +183,7 @@ class Viewer:
                     continue
                 percent, opacity = levels[name]
                 level = percent / 100 * self._peak
-                colour = tuple(int(c) for c in painted(np.array([level]), scale)[0])
-                self._volume.show_surface(name, volume, level, colour, opacity)
+                self._volume.show_surface(name, volume, level, scale, opacity)
 
     def _plane(self, axis: int) -> None:
         is_shown, at = self.controls.planes[axis]
@@ -224,7 +237,8 @@ class Viewer:
         recorded = content.residual(camera, self.place) if content.residual else None
         volume = self._data if content.frames else None
         moment = content.moments[self.place]
-        found = compare(content.scan, moment, camera, volume, content.grid, recorded)
+        seen = volume, content.grid, content.model, recorded
+        found = compare(content.scan, moment, camera, *seen)
         colours = self.controls.colours.value if self.controls.colours else "gray"
         self._show_comparison(found, found.picture(colours))
         self.comparison = found

@@ -26,7 +26,10 @@ PICTURES = (NO_PICTURE, MAXIMUM, INTEGRAL)
 OUTER_OPACITY = 0.35
 """Of the surface at the threshold, so that the one within shows through."""
 
-COARSE, FINE = 150, 420
+LEAST_BRIGHT = 0.3
+"""Where the colour map of surfaces begins. Lower: the faint ones vanish before the dark page."""
+
+COARSE, FINE = 150, 360
 """Rows of a picture along the line of sight while the eye moves, and when it rests."""
 
 
@@ -48,7 +51,7 @@ class VolumeLayer:
         return f"VolumeLayer(grid={self._grid!r})"
 
     def show_surface(
-        self, name: str, volume: NDArray, level: float, colour: tuple, opacity: float
+        self, name: str, volume: NDArray, level: float, scale: ColourScale, opacity: float
     ) -> int:
         """Draw the surface at a level, above zero, in place of the last of this name.
 
@@ -65,7 +68,7 @@ class VolumeLayer:
             f"/surface/{name}",
             self._world.points(vertices),
             triangles,
-            color=colour,
+            color=surface_colour(level, scale),
             opacity=None if opacity >= 1 else opacity,
             side="double",
             cast_shadow=False,
@@ -122,11 +125,19 @@ class VolumeLayer:
         is the last colour.
         """
         viewpoint = viewpoint_of(camera, self._world, rows)
-        seen = seen_along(volume, self._grid, viewpoint, how, 0.5 if rows >= FINE else 1.0)
+        seen = seen_along(volume, self._grid, viewpoint, how)
         if how == INTEGRAL:
             most = float(seen.max(initial=0.0)) or 1.0
             colours = ColourScale("", 0.0, most, colours.colours)
         return painted(seen, colours)
+
+
+def surface_colour(level: float, scale: ColourScale) -> tuple[int, int, int]:
+    """Return the colour of a surface: brighter than its value's, which light and shade darken."""
+    span = scale.upper - scale.lower
+    ratio = float(np.clip((level - scale.lower) / span, 0, 1))
+    shown = scale.lower + span * (LEAST_BRIGHT + (1 - LEAST_BRIGHT) * ratio)
+    return tuple(int(c) for c in painted(np.array(shown), scale))
 
 
 def viewpoint_of(camera: viser.CameraHandle, world: World, rows: int) -> Viewpoint:
