@@ -27,7 +27,7 @@ class Model:
     Attributes
     ----------
     is_linear : bool
-        Whether the emission was linear between the centres of voxels, rather than constant in each.
+        Whether emission is linear between the centres of voxels, rather than constant in each.
     gain, offset : mapping
         Camera to the gain and the background of its images; 1 and 0 where none is known.
     """

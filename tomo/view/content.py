@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -53,7 +53,7 @@ class Content:
     moments: tuple[str, ...] = ()
     value_unit: str = ""
     length_unit: str = "mm"
-    model: Model = Model()
+    model: Model = field(default_factory=Model)
     residual: Callable[[str, int], float | None] | None = None
     notes: tuple[str, ...] = ()
 

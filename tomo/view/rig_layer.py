@@ -12,7 +12,7 @@ from rigs import CameraLike
 from rigs.scene.scene_camera import own_camera
 from tomo.draw.rig import frustum, rig_scene
 from tomo.draw.rig.rig_scene import colour_of, symbol_length, symbol_widening, volume_scene
-from tomo.draw.scene import Mesh
+from tomo.draw.scene import Colour, Mesh
 from tomo.view.content import Content
 from tomo.view.world import World
 
@@ -22,8 +22,12 @@ if TYPE_CHECKING:
 SHOWN = {"sight lines": False, "box": True, "solids": True}
 """Groups of the rig's scene that become layers, and whether they are shown at first."""
 
-LIGHT = (0.75, 0.78, 0.82)
-"""Of the box, on the page's dark ground, where other pictures have a dark one on white."""
+_LOOKS: dict[str, Callable[[Colour], Colour]] = {
+    "sight lines": lambda colour: colour,
+    "box": lambda colour: (0.75, 0.78, 0.82),
+    "solids": lambda colour: tuple(0.35 + 0.65 * c for c in colour),
+}
+"""Colours on the page's dark ground, of those that pictures on white have."""
 
 
 class RigLayer:
@@ -126,7 +130,7 @@ class RigLayer:
                 f"/{layer.replace(' ', '_')}/{number}",
                 self._world.points(mesh.vertices),
                 mesh.triangles,
-                color=LIGHT if layer == "box" else mesh.colour,
+                color=_LOOKS[layer](mesh.colour),
                 opacity=None if mesh.opacity >= 1 else mesh.opacity,
                 side="double",
                 cast_shadow=False,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import math
 import socket
 from collections.abc import Iterator
@@ -67,6 +68,8 @@ def local_server(port: int, title: str) -> viser.ViserServer:
             """Refuse: the page stays on this machine."""
             return None
 
+    # a browser that opens a connection and thinks better of it is no news
+    logging.getLogger("websockets.server").addHandler(logging.NullHandler())
     with _quiet(viser):
         server = LocalServer(host=HOST, port=port, label=title, verbose=False)
     server.gui.configure_theme(
@@ -75,6 +78,11 @@ def local_server(port: int, title: str) -> viser.ViserServer:
     server.scene.configure_environment_map(None)
     server.scene.configure_default_lights(cast_shadow=False)
     return server
+
+
+def silent() -> contextlib.AbstractContextManager:
+    """Keep viser's words from stdout, which is for results."""
+    return contextlib.redirect_stdout(io.StringIO())
 
 
 @contextlib.contextmanager
@@ -89,7 +97,7 @@ def _quiet(viser: object) -> Iterator[None]:
     if build is not None:
         builder.ensure_client_is_built = lambda: None
     try:
-        with contextlib.redirect_stdout(io.StringIO()):
+        with silent():
             yield
     finally:
         if build is not None:

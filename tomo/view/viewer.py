@@ -15,7 +15,7 @@ from tomo.view.comparison import Comparison, compare
 from tomo.view.content import Content
 from tomo.view.controls import CAMERAS, VOLUME, Controls, add_controls
 from tomo.view.rig_layer import SHOWN, RigLayer
-from tomo.view.server import HOST, PORT, eye_on, first_look, free_port, local_server
+from tomo.view.server import HOST, PORT, eye_on, first_look, free_port, local_server, silent
 from tomo.view.volume_layer import COARSE, FINE, NO_PICTURE, OUTER_OPACITY, VolumeLayer
 from tomo.view.worker import Worker
 from tomo.view.world import World
@@ -86,7 +86,8 @@ class Viewer:
         """Stop the server and its threads."""
         self._ends.set()
         self.worker.stop()
-        self.server.stop()
+        with silent():
+            self.server.stop()
 
     def choose(self, camera: str) -> None:
         """Show a camera's measured image beside that of the volume."""
