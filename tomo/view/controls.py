@@ -78,17 +78,17 @@ def add_controls(
     made.words = gui.add_markdown("")
     if content.rig is not None and content.box is not None:
         made.look_at = gui.add_button_group("look at", LOOKS)
+    if content.scan is not None:
+        with gui.add_folder("Camera"):
+            names = ("none", *content.rig.names)
+            hint = "a click on a camera chooses it, too"
+            made.camera = gui.add_dropdown("compare", names, initial_value="none", hint=hint)
     if content.frames is not None:
         _volume_controls(gui, content, made)
     if layers:
         with gui.add_folder("Shown"):
             for layer in layers:
                 made.layers[layer] = gui.add_checkbox(layer, shown.get(layer, True))
-    if content.scan is not None:
-        with gui.add_folder("Camera"):
-            names = ("none", *content.rig.names)
-            hint = "a click on a camera chooses it, too"
-            made.camera = gui.add_dropdown("compare", names, initial_value="none", hint=hint)
     for note in content.notes:
         gui.add_markdown(f"*{note}*")
     return made
@@ -112,6 +112,7 @@ def _volume_controls(gui: viser.GuiApi, content: Content, made: Controls) -> Non
                         upper,
                         (upper - lower) / _PLANE_STEPS,
                         float(grid.center[axis]),
+                        visible=False,
                     ),
                 )
             )

@@ -188,6 +188,8 @@ class Viewer:
 
     def _plane(self, axis: int) -> None:
         is_shown, at = self.controls.planes[axis]
+        if at.visible != is_shown.value:
+            at.visible = is_shown.value
         if is_shown.value:
             self._volume.show_plane(self._data, axis, at.value, self.controls.scale(self._peak))
         else:

@@ -69,6 +69,17 @@ class Page:
                 clickCount=int(kind != "mouseMoved"),
             )  # fmt: skip
 
+    def press_button(self, label):
+        x, y = self.browser.evaluate(
+            f"""
+            const button = [...document.querySelectorAll("button")].find(
+              (one) => one.textContent.trim() === "{label}");
+            const box = button.getBoundingClientRect();
+            return [box.left + box.width / 2, box.top + box.height / 2];
+            """
+        )
+        self.press(x, y)
+
     def slide(self, label, key, times):
         """Move a slider by keys."""
         self.browser.evaluate(
@@ -121,8 +132,10 @@ def test_a_film_is_drawn_and_follows_its_controls_and_asks_no_other_host(page, c
     viewer.controls.along.value = "maximum"
     page.changed_from(third)
 
-    assert viewer.worker.wait(SECONDS)
-    view = viewpoint_of(client.camera, viewer._world, client.camera.image_height)
+    page.client_settled()
+    page.press_button("cameras")
+    page.client_settled()
+    view = viewpoint_of(client.camera, viewer._world, SIZE[1])
     pixels = {
         one.name: view.project(
             one.position + symbol_length(content.rig, content.target) * one.R[2]
