@@ -33,6 +33,8 @@ class Controls:
         Buttons that move the eye, see `LOOKS`.
     threshold, inner, with_surface
         Percent of the peak; whether the surfaces are shown.
+    coarse
+        Whether surfaces have few triangles while the eye moves.
     planes : list of (is shown, world coordinate)
     along
         The picture along the line of sight.
@@ -52,6 +54,7 @@ class Controls:
     threshold: Any = None
     inner: Any = None
     with_surface: Any = None
+    coarse: Any = None
     planes: list = field(default_factory=list)
     along: Any = None
     colours: Any = None
@@ -101,6 +104,8 @@ def _volume_controls(gui: viser.GuiApi, content: Content, made: Controls) -> Non
         hint = "percent of the peak"
         made.threshold = gui.add_slider("threshold %", 1.0, 100.0, 0.5, _THRESHOLD, hint=hint)
         made.inner = gui.add_slider("inner %", 1.0, 100.0, 0.5, _INNER, hint=hint)
+        hint = "clear it where a graphics card turns all triangles smoothly"
+        made.coarse = gui.add_checkbox("turn coarse", initial_value=True, hint=hint)
         for axis, letter in enumerate(AXES):
             lower, upper = float(grid.lower[axis]), float(grid.upper[axis])
             made.planes.append(

@@ -76,7 +76,7 @@ def local_server(port: int, title: str) -> viser.ViserServer:
         control_width="medium", show_logo=False, show_share_button=False, dark_mode=True
     )
     server.scene.configure_environment_map(None)
-    server.scene.configure_default_lights(cast_shadow=False)
+    server.scene.configure_default_lights(enabled=False)
     return server
 
 
@@ -102,6 +102,22 @@ def _quiet(viser: object) -> Iterator[None]:
     finally:
         if build is not None:
             builder.ensure_client_is_built = build
+
+
+def add_lights(server: viser.ViserServer, up: Up) -> None:
+    """Add two lights: viser's own are four, and each costs every pixel where nothing helps it.
+
+    The sky lights from above and the ground from below; the other shines over the first eye's
+    shoulder.
+    """
+    from tomo.draw.frame import EYE
+
+    towards = up.eye_direction(EYE[0] - 35, EYE[1] + 25)
+    scene = server.scene
+    white, ground = (255, 255, 255), (110, 110, 120)
+    scene.add_light_hemisphere("/light/sky", sky_color=white, ground_color=ground, intensity=1.1)
+    position = tuple(towards.tolist())
+    scene.add_light_directional("/light/sun", color=white, intensity=2.6, position=position)
 
 
 def eye_on(world: World, up: Up, radius: float) -> tuple[NDArray, float]:

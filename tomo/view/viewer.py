@@ -15,7 +15,16 @@ from tomo.view.comparison import Comparison, compare
 from tomo.view.content import Content
 from tomo.view.controls import CAMERAS, VOLUME, Controls, add_controls
 from tomo.view.rig_layer import SHOWN, RigLayer
-from tomo.view.server import HOST, PORT, eye_on, first_look, free_port, local_server, silent
+from tomo.view.server import (
+    HOST,
+    PORT,
+    add_lights,
+    eye_on,
+    first_look,
+    free_port,
+    local_server,
+    silent,
+)
 from tomo.view.volume_layer import COARSE, FINE, NO_PICTURE, OUTER_OPACITY, VolumeLayer
 from tomo.view.worker import Worker
 from tomo.view.world import World
@@ -24,7 +33,8 @@ if TYPE_CHECKING:
     import viser
 
 _IN_SYMBOL = 160  # pixels of an image in a camera's symbol
-_REST = 0.25  # seconds without a move after which a picture is drawn fine
+REST = 0.3
+"""Seconds without a move after which all is drawn. Lower: hesitating while one turns stutters."""
 
 
 class Viewer:
@@ -58,11 +68,13 @@ class Viewer:
         self.server = local_server(number, f"flametomo: {content.title}")
         self.url = f"http://{HOST}:{self.server.get_port()}"
         near = content.frames is not None or content.rig is None
+        add_lights(self.server, content.up)
         first_look(self.server, self._world, content.up, self._radius(VOLUME if near else CAMERAS))
         self.worker = Worker(self._say)
         self.comparison: Comparison | None = None
         self._panel: dict[str, Any] = {}
         self._moved: dict[int, float] = {}
+        self._pictured: set[int] = set()
         self._ends = threading.Event()
         self._rig = RigLayer(self.server, self._world, content, self.choose)
         self._volume = None
@@ -72,7 +84,8 @@ class Viewer:
         self._connect(self.controls)
         self.server.on_client_connect(self._welcome)
         self.refresh()
-        threading.Thread(target=self._play, name="film", daemon=True).start()
+        for job in (self._play, self._watch):
+            threading.Thread(target=job, daemon=True).start()
 
     def __repr__(self) -> str:
         return f"<Viewer of {self.content.title!r} at {self.url}>"
@@ -199,36 +212,49 @@ class Viewer:
         self._rig.show_images(photographs(self.content.images(self.place), _IN_SYMBOL))
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        client.camera.on_update(lambda _: self._look(client))
-        self._look(client)
+        if self._volume is not None:
+            client.camera.on_update(lambda _: self._move(client))
+            self._look(client)
 
     def _look_again(self) -> None:
         for client in self.server.get_clients().values():
             self._look(client)
 
-    def _look(self, client: viser.ClientHandle) -> None:
-        """Ask for the picture along a page's line of sight, coarse at first."""
-        if self._volume is None:
-            return
+    def _move(self, client: viser.ClientHandle) -> None:
+        """Draw less while a page's eye moves."""
         self._moved[client.client_id] = time.monotonic()
-        self.worker.ask(f"look {client.client_id}", partial(self._picture, client, COARSE))
+        if self.controls.coarse.value:
+            self.worker.ask("turn", partial(self._volume.turn, True))
+        self._look(client, COARSE)
+
+    def _watch(self) -> None:
+        """Draw all once the eyes that moved have rested for a while."""
+        while self._volume is not None and not self._ends.wait(REST / 2):
+            before = time.monotonic() - REST
+            rested = [one for one, moved in list(self._moved.items()) if moved < before]
+            for number in rested:
+                del self._moved[number]
+                client = self.server.get_clients().get(number)
+                if client is not None:
+                    self._look(client)
+            if rested and not self._moved:
+                self.worker.ask("turn", partial(self._volume.turn, False))
+
+    def _look(self, client: viser.ClientHandle, rows: int = FINE) -> None:
+        """Ask for the picture along a page's line of sight; a new page has none to take away."""
+        if self.controls.along.value != NO_PICTURE or client.client_id in self._pictured:
+            self.worker.ask(f"look {client.client_id}", partial(self._picture, client, rows))
 
     def _picture(self, client: viser.ClientHandle, rows: int) -> None:
         how = self.controls.along.value
         if how == NO_PICTURE:
             client.scene.set_background_image(None)
+            self._pictured.discard(client.client_id)
             return
         scale = self.controls.scale(self._peak)
         picture = self._volume.picture_for(client.camera, self._data, how, scale, rows)
         client.scene.set_background_image(picture, format="jpeg", jpeg_quality=90)
-        if rows < FINE:
-            threading.Timer(_REST, self._rested, [client]).start()
-
-    def _rested(self, client: viser.ClientHandle) -> None:
-        """Draw a page's picture fine once its eye has not moved for a while."""
-        still = time.monotonic() - self._moved.get(client.client_id, 0.0)
-        if still >= _REST and client.client_id in self.server.get_clients():
-            self.worker.ask(f"rest {client.client_id}", partial(self._picture, client, FINE))
+        self._pictured.add(client.client_id)
 
     def _compare(self) -> None:
         content, camera = self.content, self.controls.camera.value
