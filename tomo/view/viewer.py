@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     import viser
 
 _IN_SYMBOL = 160  # pixels of an image in a camera's symbol
-REST = 0.3
+REST = 0.6
 """Seconds without a move after which all is drawn. Lower: hesitating while one turns stutters."""
 
 

@@ -96,11 +96,12 @@ class VolumeLayer:
     def turn(self, is_turning: bool) -> None:
         """Show surfaces of few triangles while the eye moves, where fine ones have many."""
         self._is_turning = is_turning
-        for handles in self._surfaces.values():
-            for handle, is_coarse in zip(handles, (False, True), strict=False):
-                is_shown = len(handles) == 1 or is_coarse == is_turning
-                if handle.visible != is_shown:
-                    handle.visible = is_shown
+        with self._server.atomic():
+            for handles in self._surfaces.values():
+                for handle, is_coarse in zip(handles, (False, True), strict=False):
+                    is_shown = len(handles) == 1 or is_coarse == is_turning
+                    if handle.visible != is_shown:
+                        handle.visible = is_shown
 
     def hide_surface(self, name: str) -> None:
         """Take a surface away."""
