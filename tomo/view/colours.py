@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.draw.rig.thumbnails import shrunk
 from tomo.draw.scene import ColourScale
 from tomo.grid import VoxelGrid
 
@@ -55,7 +56,7 @@ def plane_picture(
     data: NDArray, grid: VoxelGrid, axis: int, at: float, scale: ColourScale
 ) -> NDArray[np.uint8]:
     """Return `plane_values` in colours, at most 512 pixels long."""
-    return painted(_shrunk(plane_values(data, grid, axis, at), _LONGEST_PLANE), scale)
+    return painted(shrunk(plane_values(data, grid, axis, at), _LONGEST_PLANE), scale)
 
 
 def photographs(images: Mapping[str, NDArray], longest: int) -> dict[str, NDArray[np.uint8]]:
@@ -63,7 +64,9 @@ def photographs(images: Mapping[str, NDArray], longest: int) -> dict[str, NDArra
 
     The brightest 0.1 % of all pixels together are white.
     """
-    small = {name: _shrunk(image, longest) for name, image in images.items()}
+    small = {
+        name: shrunk(np.asarray(image, np.float32), longest) for name, image in images.items()
+    }
     if not small:
         return {}
     bright = float(np.quantile(np.concatenate([one.ravel() for one in small.values()]), 0.999))
@@ -93,15 +96,3 @@ def beside_each_other(
         )  # fmt: skip
         shown += [panel, np.full((len(panel), _GAP, 3), _GROUND, np.uint8)]
     return np.concatenate(shown[:-1], axis=1)
-
-
-def _shrunk(values: NDArray, longest: int) -> NDArray[np.float32]:
-    """Return area means, the longer side at most ``longest``."""
-    import cv2
-
-    rows, columns = values.shape
-    factor = longest / max(rows, columns)
-    if factor >= 1:
-        return np.asarray(values, np.float32)
-    size = (max(1, round(columns * factor)), max(1, round(rows * factor)))
-    return cv2.resize(np.asarray(values, np.float32), size, interpolation=cv2.INTER_AREA)

@@ -47,9 +47,8 @@ def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
     about = report.get("scan") or {}
     notes: list[str] = []
     scan = scan or _found_scan(about.get("source"), folder, notes)
-    rig = None
+    rig = refined = load_rig(folder / RIG_FILE) if (folder / RIG_FILE).is_file() else None
     if scan is not None:
-        refined = load_rig(folder / RIG_FILE) if (folder / RIG_FILE).is_file() else None
         scan = _as_reconstructed(scan, refined, about)
         rig = scan.rig
         _check_lengths(scan, length_unit, folder)

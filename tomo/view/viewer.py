@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.view.camera_panel import CameraPanel
 from tomo.view.colours import photographs
 from tomo.view.comparison import Comparison, compare
 from tomo.view.content import Content
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     import viser
 
 _IN_SYMBOL = 160  # pixels of an image in a camera's symbol
+SHOWN_FIRST = {**SHOWN, "names": False}
+"""Layers of the rig that are shown at first; the others are."""
+
 REST = 0.6
 """Seconds without a move after which all is drawn. Lower: hesitating while one turns stutters."""
 
@@ -72,7 +76,7 @@ class Viewer:
         first_look(self.server, self._world, content.up, self._radius(VOLUME if near else CAMERAS))
         self.worker = Worker(self._say)
         self.comparison: Comparison | None = None
-        self._panel: dict[str, Any] = {}
+        self._panel = CameraPanel(self.server.gui)
         self._moved: dict[int, float] = {}
         self._pictured: set[int] = set()
         self._ends = threading.Event()
@@ -260,8 +264,7 @@ class Viewer:
         content, camera = self.content, self.controls.camera.value
         if camera not in content.rig.names:
             self.comparison = None
-            if self._panel:
-                self._panel["panel"].visible = False
+            self._panel.hide()
             return
         recorded = content.residual(camera, self.place) if content.residual else None
         volume = self._data if content.frames else None
@@ -269,20 +272,8 @@ class Viewer:
         seen = volume, content.grid, content.model, recorded
         found = compare(content.scan, moment, camera, *seen)
         colours = self.controls.colours.value if self.controls.colours else "gray"
-        self._show_comparison(found, found.picture(colours))
+        self._panel.show(found, colours)
         self.comparison = found
-
-    def _show_comparison(self, found: Comparison, picture: NDArray[np.uint8]) -> None:
-        gui, panel = self.server.gui, self._panel
-        if not panel:
-            panel["panel"] = gui.add_panel()
-            with panel["panel"].add_tab("Camera"):
-                panel["image"] = gui.add_image(picture, format="png")
-                panel["words"] = gui.add_markdown(found.words())
-            panel["panel"].float(x=12, y=-12, width=min(picture.shape[1] + 40, 700))
-        panel["panel"].visible = True
-        panel["image"].image = picture
-        panel["words"].content = found.words()
 
     def _play(self) -> None:
         """Show the next frame while the film runs, when the one before is drawn."""
@@ -297,7 +288,3 @@ class Viewer:
         text = " ".join(str(error).split()) or type(error).__name__
         for client in self.server.get_clients().values():
             client.add_notification("Not shown", text, color="red")
-
-
-SHOWN_FIRST = {**SHOWN, "names": False}
-"""Layers of the rig that are shown at first; the others are."""

@@ -76,7 +76,7 @@ def load_thumbnails(
             f"{source}: found no image{moment} of any camera, expected some of the rig's "
             f"{', '.join(rig.names)}: {how_to_name((), source, rig.names)}"
         )
-    small = {name: _shrunk(image, longest) for name, image in images.items()}
+    small = {name: shrunk(image, longest) for name, image in images.items()}
     bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
     scale = 255 / bright if bright > 0 else 1.0
     return {name: np.uint8(np.clip(image * scale, 0, 255)) for name, image in small.items()}
@@ -89,7 +89,7 @@ def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
     for camera in rig:
         if camera.name not in images:
             continue
-        small = _shrunk(images[camera.name].astype(np.float32), _LONGEST_IN_SPACE)
+        small = shrunk(images[camera.name].astype(np.float32), _LONGEST_IN_SPACE)
         rows, columns = small.shape
         u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
         uv = np.stack([u.ravel(), v.ravel()], axis=-1) * camera.image_size - 0.5
@@ -160,7 +160,7 @@ def _check_size(path: Path, size: tuple[int, int], camera: CameraLike) -> None:
         )
 
 
-def _shrunk(image: NDArray, longest: int) -> NDArray:
+def shrunk(image: NDArray, longest: int) -> NDArray:
     """Return the image's area means, its longer side at most ``longest``."""
     import cv2
 
