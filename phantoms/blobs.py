@@ -81,7 +81,7 @@ class GaussianBlobs:
         room = edges / 2 - _CLEARANCE * widths[:, None]  # (N, 3)
         centers = middle + room * (2 * random.random((_RANDOM_COUNT, 3)) - 1)
         amplitudes = 0.25 + 0.75 * random.random(_RANDOM_COUNT)
-        return cls(centers, widths, amplitudes)
+        return cls(centers.tolist(), tuple(widths.tolist()), tuple(amplitudes.tolist()))
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the values ``(...)``, float64, at ``points`` ``(..., 3)``."""

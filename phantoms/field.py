@@ -156,10 +156,11 @@ def checked_box(
     """Return a box as plain tuples, or raise a ValueError that names the field."""
     edges, middle = np.asarray(extent, np.float64), np.asarray(center, np.float64)
     if edges.shape != (3,) or not (np.isfinite(edges).all() and (edges > 0).all()):
-        raise ValueError(f"{name} extent: found {extent}, expected three positive lengths")
+        raise ValueError(f"{name} extent: found {extent!s}, expected three positive lengths")
     if middle.shape != (3,) or not np.isfinite(middle).all():
-        raise ValueError(f"{name} center: found {center}, expected three finite numbers")
-    return tuple(edges.tolist()), tuple(middle.tolist())
+        raise ValueError(f"{name} center: found {center!s}, expected three finite numbers")
+    (width, height, depth), (x, y, z) = edges.tolist(), middle.tolist()
+    return (width, height, depth), (x, y, z)
 
 
 def smoothstep(x: ArrayLike) -> NDArray[np.float64]:

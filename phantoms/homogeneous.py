@@ -52,6 +52,6 @@ class RandomHomogeneous(BoxField):
         """Return the value ``(...)``, float64, of the cell that each of ``points`` is in."""
         position = self._in_extents(as_points(points)) + 0.5  # faces at 0 and 1
         index = np.floor(position * self.cells).astype(np.int64)
-        inside = ((index >= 0) & (index < self.cells)).all(axis=-1)
+        inside = np.asarray(((index >= 0) & (index < self.cells)).all(axis=-1))
         index = np.where(inside[..., None], index, 0)  # cell 0 is dark
         return self._values[index[..., 0], index[..., 1], index[..., 2]]

@@ -184,7 +184,8 @@ class Camera(OnImage):
 
     def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> Camera:
         """Return the camera with other intrinsics and another pose."""
-        return replace(self, camera_matrix=camera_matrix, R=R, t=t)
+        K, R, t = (np.asarray(value, np.float64) for value in (camera_matrix, R, t))
+        return replace(self, camera_matrix=K, R=R, t=t)
 
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
@@ -220,8 +221,8 @@ class Camera(OnImage):
         K[:2, :2], lens, roll[:2, :2] = turned(self.distortion, about @ self.camera_matrix[:2, :2])
         K[:2, 2] = about @ self.camera_matrix[:2, 2] + np.maximum(-last, 0)
         size = np.abs(last).astype(int) + 1
-        pose = {"R": roll @ self.R, "t": roll @ self.t}
-        return replace(self, image_size=size, camera_matrix=K, distortion=lens, **pose)
+        R, t = roll @ self.R, roll @ self.t
+        return replace(self, image_size=size, camera_matrix=K, distortion=lens, R=R, t=t)
 
     def shifted(self, right: float, down: float) -> Camera:
         """Return the camera whose image lies that many pixels further right and down."""

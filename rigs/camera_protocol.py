@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, TypeGuard
 
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
+    from rigs.lens import Distortion
     from rigs.optics import Optics
 
 
@@ -16,22 +17,24 @@ class CameraLike(Protocol):
     Callers rely on these members alone. Members of a lens model (``distortion``, an exact
     ``camera_matrix``) may be used where `has_lens_model` holds.
 
-    Attributes
-    ----------
-    name : str
-        Unique in a rig; names files and folders too.
-    image_size : (int, int)
-        Width and height in pixels.
-    status : {"calibrated", "nominal", "virtual"}
-        How the parameters are known.
-    optics : Optics or None
-        Focal length, f-number, focus distance and pixel pitch, where known.
+    Cameras are values: what a camera has can be read and not set.
     """
 
-    name: str
-    image_size: tuple[int, int]
-    status: str
-    optics: Optics | None
+    @property
+    def name(self) -> str:
+        """Unique in a rig; names files and folders too."""
+
+    @property
+    def image_size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+
+    @property
+    def status(self) -> str:
+        """How the parameters are known: ``"calibrated"``, ``"nominal"`` or ``"virtual"``."""
+
+    @property
+    def optics(self) -> Optics | None:
+        """Focal length, f-number, focus distance and pixel pitch, where known."""
 
     @property
     def camera_matrix(self) -> NDArray:
@@ -107,3 +110,16 @@ class CameraLike(Protocol):
 
     def with_lengths_scaled(self, factor: float) -> CameraLike:
         """Return the camera of a world whose lengths are ``factor`` times as large."""
+
+
+class LensCamera(CameraLike, Protocol):
+    """A camera whose `camera_matrix`, ``distortion`` and pose describe it exactly."""
+
+    @property
+    def distortion(self) -> Distortion:
+        """The lens's deviation from a pinhole."""
+
+
+def has_lens(camera: CameraLike) -> TypeGuard[LensCamera]:
+    """Return whether a camera `has_lens_model`, in a form that type checkers follow."""
+    return camera.has_lens_model

@@ -5,6 +5,8 @@ The world's +y points up. Angle 0 is on the +z axis, and angles grow towards +x.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -75,7 +77,7 @@ def ring(
     return Rig(tuple(cameras), length_unit, world, volume)
 
 
-def arc(count: int, span_degrees: float, distance: ArrayLike = 1000.0, **options: object) -> Rig:
+def arc(count: int, span_degrees: float, distance: ArrayLike = 1000.0, **options: Any) -> Rig:
     """Return ``count`` cameras evenly spaced over ``span_degrees``, centred at angle 0.
 
     The first and the last camera stand at the ends. ``options`` are those of `ring`.
@@ -99,7 +101,7 @@ def _circle_positions(
     distances = _per_camera(distance, count, "ring distance")
     pitch = np.deg2rad(_per_camera(pitch_degrees, count, "ring pitch_degrees"))
     if not (distances > 0).all():
-        raise ValueError(f"ring distance: found {distance}, expected positive lengths")
+        raise ValueError(f"ring distance: found {distance!s}, expected positive lengths")
     if not (np.abs(pitch) < np.pi / 2 - 1e-6).all():
         raise ValueError("ring pitch_degrees: expected angles between -90 and 90")
     angle = np.deg2rad(start_degrees + step_degrees * np.arange(count))
@@ -116,12 +118,13 @@ def _focal_lengths(
     footprint: float | None,
 ) -> list[float]:
     """Return each camera's focal length in pixels, ``(C,)``, from `ring`'s two ways to give it."""
-    by_lens = focal_length is not None and pixel_pitch is not None
     some_lens = focal_length is not None or pixel_pitch is not None
-    if by_lens == (footprint is not None) or (some_lens and footprint is not None):
+    if some_lens and footprint is not None:
         raise ValueError("ring lens: expected focal_length and pixel_pitch, or footprint alone")
-    if by_lens:
+    if focal_length is not None and pixel_pitch is not None:
         return [focal_length / pixel_pitch] * len(positions)
+    if footprint is None:
+        raise ValueError("ring lens: expected focal_length and pixel_pitch, or footprint alone")
     if not footprint > 0:
         raise ValueError(f"ring footprint: found {footprint}, expected a positive length")
     return [float(np.linalg.norm(position)) / footprint for position in positions]

@@ -64,14 +64,16 @@ class Volume:
         if np.abs(R - turn).max() > 1e-9:
             return None
         shape, spacing = np.abs(turn) @ self.shape, np.abs(turn) @ self.spacing
-        return Volume(tuple(shape), tuple(spacing), tuple(R @ self.center + t))
+        (nx, ny, nz), (dx, dy, dz), (x, y, z) = shape, spacing, R @ self.center + t
+        return Volume((nx, ny, nz), (dx, dy, dz), (x, y, z))
 
     def with_lengths_scaled(self, factor: float) -> Volume:
         """Return the box of a world whose lengths are ``factor`` times as large."""
+        (dx, dy, dz), (x, y, z) = self.spacing, self.center
         return Volume(
             self.shape,
-            tuple(length * factor for length in self.spacing),
-            tuple(length * factor for length in self.center),
+            (dx * factor, dy * factor, dz * factor),
+            (x * factor, y * factor, z * factor),
         )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera_protocol import CameraLike
+from rigs.camera_protocol import CameraLike, has_lens
 from rigs.check.lines_of_sight import finite_rms, ray_distances
 from rigs.files.units import in_unit
 from rigs.geometry.alignment import motion_between
@@ -187,7 +187,7 @@ def _difference(one: CameraLike, other: CameraLike, miss: float) -> CameraDiffer
 
 def _lenses(one: CameraLike, other: CameraLike) -> tuple[float, float]:
     """Return the RMS differences over the image of whole lens and distortion, in pixels."""
-    if one.image_size != other.image_size or not (one.has_lens_model and other.has_lens_model):
+    if one.image_size != other.image_size or not (has_lens(one) and has_lens(other)):
         return math.nan, math.nan
     width, height = one.image_size
     columns = np.linspace(-0.5, width - 0.5, _LATTICE)
@@ -199,7 +199,10 @@ def _lenses(one: CameraLike, other: CameraLike) -> tuple[float, float]:
     valid = valid & np.isfinite(directions).all(axis=1)
     there = elsewhere @ other.camera_matrix[:2, :2].T + other.camera_matrix[:2, 2]
     alone = (elsewhere - plane) @ one.camera_matrix[:2, :2].T
-    return tuple(finite_rms(np.linalg.norm(off[valid], axis=1)) for off in (there - uv, alone))
+    whole, distortion = (
+        finite_rms(np.linalg.norm(off[valid], axis=1)) for off in (there - uv, alone)
+    )
+    return whole, distortion
 
 
 def _angle(R: NDArray) -> float:

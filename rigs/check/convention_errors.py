@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.check.coverage import coverage
 from rigs.rig import Rig
 
@@ -85,7 +86,7 @@ def find_convention_errors(
 
 
 def _best(
-    rig: Rig, cameras: tuple[Camera, ...], alternatives: dict, points: NDArray, voxel: float
+    rig: Rig, cameras: tuple[CameraLike, ...], alternatives: dict, points: NDArray, voxel: float
 ) -> str | None:
     """Return in words the error whose correction shows the cameras most of the volume, or None."""
     found = []
@@ -96,9 +97,9 @@ def _best(
             found.append((-round(float(np.median(fraction)), 1), float(np.nanmedian(size)), text))
     if not found:
         return None
-    _, size, text = min(found)
+    _, voxels, text = min(found)
     who = "the camera sees" if len(cameras) == 1 else f"{len(cameras)} cameras see"
-    return f"{text}; when corrected, {who} the volume at {size:.2g} voxels a pixel"
+    return f"{text}; when corrected, {who} the volume at {voxels:.2g} voxels a pixel"
 
 
 def _view_of_volume(rig: Rig, points: NDArray, voxel: float) -> tuple[NDArray, NDArray]:

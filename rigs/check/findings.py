@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.camera_protocol import has_lens
 from rigs.check.convention_errors import find_convention_errors
 from rigs.check.resolved_wavelength import closing_view
 from rigs.check.result import Finding, RigCheck
@@ -72,7 +73,7 @@ def _conventions(check: RigCheck) -> Iterator[Finding]:
 def _lenses(check: RigCheck) -> Iterator[Finding]:
     """Find camera matrices that do not fit their images."""
     for camera, figures in zip(check.coverage.rig, check.cameras, strict=True):
-        if not camera.has_lens_model:
+        if not has_lens(camera):
             continue
         size = np.array(camera.image_size)
         fx, fy = camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]

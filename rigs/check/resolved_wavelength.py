@@ -166,7 +166,9 @@ class ViewsOfObject:
         some = np.flatnonzero(self.seen.any(axis=1))
         directions = half_sphere(DIRECTIONS)
         if not some.size:
-            return ResolvedWavelength(*[math.inf] * 3, directions[0], math.inf, self.voxel)
+            return ResolvedWavelength(
+                math.inf, math.inf, math.inf, directions[0], math.inf, self.voxel
+            )
         some = some[evenly_spread(len(some), _POINTS)]
         views = self.at(some)
         found = views.wavelengths(directions)  # (n, M)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -54,12 +54,10 @@ def check_points(
     if not (math.isfinite(voxel) and voxel > 0):
         raise ValueError(f"voxel: found {voxel}, expected a positive length")
     found = coverage(rig, points, pixel_accuracy=pixel_accuracy)
-    weights = np.ones(len(found.points)) if weights is None else np.asarray(weights, np.float64)
-    if weights.shape != (len(found.points),) or not (weights > 0).all():
-        raise ValueError(
-            f"weights: found shape {weights.shape}, expected a positive one per point"
-        )
-    weights = weights / weights.sum()
+    parts = np.ones(len(found.points)) if weights is None else np.asarray(weights, np.float64)
+    if parts.shape != (len(found.points),) or not (parts > 0).all():
+        raise ValueError(f"weights: found shape {parts.shape}, expected a positive one per point")
+    parts = parts / parts.sum()
     calibrated = calibrated_ray_miss(rig)
     miss = calibrated if calibrated is not None else finite_rms(found.ray_miss)
     views = found.views_of(box_covariance(extent), float(voxel))
@@ -67,12 +65,12 @@ def check_points(
         found,
         extent,
         float(voxel),
-        _figures(found, views, weights),
-        views.resolved(weights),
+        _figures(found, views, parts),
+        views.resolved(parts),
         (),
         miss,
         "pixel accuracy" if calibrated is None else "calibration",
-        weights,
+        parts,
     )
     return replace(check, findings=findings(check))
 
@@ -91,8 +89,9 @@ def calibrated_ray_miss(rig: Rig, camera: str | None = None) -> float | None:
         cameras = summary.get("cameras")
         own = cameras.get(camera) if isinstance(cameras, Mapping) else None
         value = own.get("ray_miss") if isinstance(own, Mapping) else None
-    known = isinstance(value, (int, float)) and math.isfinite(value) and value > 0
-    return float(value) if known else None
+    if not isinstance(value, (int, float)) or not math.isfinite(value) or not value > 0:
+        return None
+    return float(value)
 
 
 def _figures(found: Coverage, views: ViewsOfObject, weights: NDArray) -> tuple[CameraFigures, ...]:
@@ -130,6 +129,6 @@ def field_of_view(camera: CameraLike) -> float:
     return float(np.degrees(np.arccos(np.clip(min(cosines), -1, 1))))
 
 
-def _nan(function: object, values: NDArray) -> float:
+def _nan(function: Callable[[NDArray], np.floating], values: NDArray) -> float:
     """Return ``function`` of the values; NaN where none is finite."""
     return float(function(values)) if np.isfinite(values).any() else math.nan

@@ -156,10 +156,12 @@ def _in_colours(scene: Scene) -> tuple[Scene, Scene]:
     """Return the scene at both ends of the visible band."""
     slope = 1 / (_ABBE * (486.1**-2 - 656.3**-2))  # of (n - 1) times 1 / w²
     changes = [slope * (colour**-2 - 589.3**-2) for colour in _COLOURS]
-    return tuple(
-        _with_indices(scene, lambda index, change=change: 1 + (index - 1) * (1 + change))
-        for change in changes
-    )
+
+    def changed(change: float) -> Scene:
+        return _with_indices(scene, lambda index: 1 + (index - 1) * (1 + change))
+
+    blue, red = map(changed, changes)
+    return blue, red
 
 
 def _without_glass(scene: Scene) -> Scene:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import unicodedata
 from dataclasses import replace
-from typing import Self
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -14,7 +14,17 @@ STATUSES = ("calibrated", "nominal", "virtual")
 
 
 class OnImage:
-    """A camera's members that follow from its image size alone."""
+    """A camera's members that follow from its image size alone; a camera is a dataclass."""
+
+    if TYPE_CHECKING:
+        __dataclass_fields__: ClassVar[dict[str, Any]]
+
+        @property
+        def image_size(self) -> tuple[int, int]: ...  # noqa: D102
+
+        def cropped(self, x: int, y: int, width: int, height: int) -> Self: ...  # noqa: D102
+
+        def scaled(self, scale: float) -> Self: ...  # noqa: D102
 
     def inside(self, uv: ArrayLike) -> NDArray[np.bool_]:
         """Return whether each of ``uv`` ``(N, 2)`` lies on the area of a pixel; NaN does not."""
@@ -35,14 +45,18 @@ class OnImage:
 
 def check_name(name: object) -> None:
     """Raise unless ``name`` can name a camera, its files and its folder."""
-    is_text = isinstance(name, str) and name == name.strip() and name not in ("", ".", "..")
-    if not is_text or any(c in "/\\" or unicodedata.category(c)[0] == "C" for c in name):
+    if (
+        not isinstance(name, str)
+        or name != name.strip()
+        or name in ("", ".", "..")
+        or any(c in "/\\" or unicodedata.category(c)[0] == "C" for c in name)
+    ):
         raise ValueError(
             f"camera name: found {name!r}, expected text that can name a folder, without slashes"
         )
 
 
-def image_size(size: object, what: str) -> tuple[int, int]:
+def image_size(size: Any, what: str) -> tuple[int, int]:
     """Return ``size`` as two plain integers."""
     try:
         width, height = (int(n) for n in size)

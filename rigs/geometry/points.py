@@ -23,7 +23,8 @@ def box_points(lower: ArrayLike, upper: ArrayLike, count: int) -> NDArray[np.flo
     (count ** 3, 3) float64
         z varies fastest, then y, then x.
     """
-    axes = [np.linspace(low, high, count) for low, high in zip(lower, upper, strict=True)]
+    corners = zip(np.asarray(lower).tolist(), np.asarray(upper).tolist(), strict=True)
+    axes = [np.linspace(low, high, count) for low, high in corners]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
 

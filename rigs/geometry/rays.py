@@ -54,8 +54,7 @@ def point_in_view(cameras: Iterable[CameraLike]) -> NDArray[np.float64] | None:
             positions.append(origins[0])
     if not sights:
         return None
-    sights = np.array(sights)  # (cameras, 3)
-    point, certainty = nearest_point(np.array(positions), sights)
+    point, certainty = nearest_point(np.array(positions), np.array(sights))
     if certainty <= 1e-6 * len(sights):
         return None
     away = point - positions  # (cameras, 3)

@@ -47,24 +47,24 @@ def interpolated_rays(
     """
     height, width = directions.shape[:2]
     size = np.array([width, height])
-    known = np.isfinite(xy).all(axis=1)
-    known &= ((xy >= -REACH) & (xy <= size - 1 + REACH)).all(axis=1)
+    known = np.asarray(np.isfinite(xy).all(axis=1))
+    known &= np.asarray(((xy >= -REACH) & (xy <= size - 1 + REACH)).all(axis=1))
     pixel = np.where(known[:, None], xy, 0.0)
     low = np.clip(np.floor(pixel), 0, np.maximum(size - 2, 0)).astype(np.int64)
     high = np.minimum(low + 1, size - 1)
     fraction = pixel - low  # beyond 0 to 1 outside the image
-    corners = (
-        (low[:, 1], low[:, 0]),
-        (low[:, 1], high[:, 0]),
-        (high[:, 1], low[:, 0]),
-        (high[:, 1], high[:, 0]),
-    )
+
+    def bilinear(table: NDArray[np.float64]) -> NDArray[np.float64]:
+        (left, above), (right, below) = low.T, high.T
+        corners = table[above, left], table[above, right], table[below, left], table[below, right]
+        return _bilinear(*corners, fraction)
+
     values = np.zeros((3, 2, len(xy), 3))  # value and slopes, of origins and directions
-    values[:, 1] = _bilinear(*(directions[at] for at in corners), fraction)
+    values[:, 1] = bilinear(directions)
     if origins.strides[:2] == (0, 0):  # all rays share one
         values[0, 0] = origins[0, 0]
     else:
-        values[:, 0] = _bilinear(*(origins[at] for at in corners), fraction)
+        values[:, 0] = bilinear(origins)
     broken = np.flatnonzero(known & np.isnan(values[0]).any(axis=(0, 2)))
     if len(broken):
         values[:, :, broken] = _one_sided(origins, directions, pixel[broken])

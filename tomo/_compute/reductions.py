@@ -30,7 +30,7 @@ def norm(vector: NDArray) -> float:
     return float(np.sqrt(dot(vector, vector)))
 
 
-def inner(a: NDArray, b: NDArray) -> NDArray[np.float64]:
+def inner(a: NDArray, b: NDArray) -> np.float64 | NDArray[np.float64]:
     """Return the inner product of vectors (n,), or those of the columns of arrays (n, columns)."""
     if a.ndim == 1:
         return np.float64(dot(a, b))
@@ -49,5 +49,5 @@ def dot(a: NDArray, b: NDArray) -> float:
 
 def _flat(array: NDArray, dtype: type) -> NDArray[np.floating]:
     """Return a contiguous, writeable vector: the loop is compiled for no other."""
-    flat = np.ascontiguousarray(array, dtype).reshape(-1)
+    flat: NDArray = np.ascontiguousarray(array, dtype).reshape(-1)
     return flat if flat.flags.writeable else flat.copy()

@@ -67,7 +67,8 @@ def run_chunks(
     """
     chunks = list(chunks)
     threads = min(threads, len(chunks))
-    left, lock, failed = iter(chunks), threading.Lock(), []
+    left, lock = iter(chunks), threading.Lock()
+    failed: list[BaseException] = []
 
     def work() -> None:
         try:

@@ -160,17 +160,17 @@ class ActiveVoxels:
         The box is a grid of the same spacing, of one voxel where there is no unknown. Its centre
         is not that of the unknowns.
         """
-        if self.all:
+        if self.index is None:
             return self
         shape, inside = (1, 1, 1), np.zeros((3, 0), np.int64)
         if self.size:
             indices = np.stack(np.unravel_index(self.index, self.grid.shape))  # (3, n)
             first = np.maximum(indices.min(axis=1) - 1, 0)
             last = np.minimum(indices.max(axis=1) + 1, np.asarray(self.grid.shape) - 1)
-            shape, inside = tuple((last - first + 1).tolist()), indices - first[:, None]
-        return ActiveVoxels(
-            VoxelGrid(shape, self.grid.spacing), np.ravel_multi_index(tuple(inside), shape)
-        )
+            (nx, ny, nz), inside = (last - first + 1).tolist(), indices - first[:, None]
+            shape = nx, ny, nz
+        index = np.ravel_multi_index(tuple(inside), shape)
+        return ActiveVoxels(VoxelGrid(shape, self.grid.spacing), np.asarray(index, np.int64))
 
     def expand(self, values: NDArray, fill: float = 0.0) -> NDArray:
         """Return the flat volume of the unknowns ``values``, ``fill`` elsewhere: (grid.size,).

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -70,10 +71,10 @@ class VoxelGrid:
             shape = ()
         if len(shape) != 3 or min(shape) < 1 or shape != tuple(self.shape):
             raise ValueError(f"grid shape: found {self.shape}, expected three whole numbers >= 1")
-        spacing = _floats(self.spacing)
-        if spacing.shape not in ((), (3,)):
+        lengths = _floats(self.spacing)
+        if lengths.shape not in ((), (3,)):
             raise ValueError(f"grid spacing: found {self.spacing}, expected one or three lengths")
-        spacing = tuple(np.broadcast_to(spacing, 3).tolist())
+        spacing = tuple(np.broadcast_to(lengths, 3).tolist())
         if not all(math.isfinite(s) and s > 0 for s in spacing):
             raise ValueError(f"grid spacing: found {self.spacing}, expected positive lengths")
         center = _floats(self.center)
@@ -95,7 +96,7 @@ class VoxelGrid:
         object.__setattr__(self, "center", tuple(center.tolist()))
 
     @classmethod
-    def from_bounds(cls, shape: ArrayLike, lower: ArrayLike, upper: ArrayLike) -> VoxelGrid:
+    def from_bounds(cls, shape: Sequence[int], lower: ArrayLike, upper: ArrayLike) -> VoxelGrid:
         """Return the grid of ``shape`` voxels that fills the box from ``lower`` to ``upper``."""
         lower, upper = np.asarray(lower, np.float64), np.asarray(upper, np.float64)
         if lower.shape != (3,) or upper.shape != (3,) or not (upper > lower).all():
@@ -103,16 +104,20 @@ class VoxelGrid:
                 f"grid bounds: found lower {lower.tolist()} and upper {upper.tolist()}, "
                 "expected three coordinates each with upper above lower"
             )
-        shape = cls(tuple(shape), 1.0).shape  # checked before anything is divided by it
-        return cls(shape, tuple((upper - lower) / shape), tuple((lower + upper) / 2))
+        voxels = cast("tuple[int, int, int]", tuple(shape))
+        shape = cls(voxels, (1.0, 1.0, 1.0)).shape  # checked before anything is divided by it
+        (dx, dy, dz), (x, y, z) = (upper - lower) / shape, (lower + upper) / 2
+        return cls(shape, (dx, dy, dz), (x, y, z))
 
     @classmethod
-    def from_origin(cls, shape: ArrayLike, spacing: ArrayLike, origin: ArrayLike) -> VoxelGrid:
+    def from_origin(cls, shape: Sequence[int], spacing: ArrayLike, origin: ArrayLike) -> VoxelGrid:
         """Return the grid whose voxel (0, 0, 0) is centred at ``origin`` (VTK, ITK, NRRD)."""
-        spacing = np.broadcast_to(np.asarray(spacing, np.float64), 3)
-        shape = cls(tuple(shape), tuple(spacing.tolist())).shape
-        center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
-        return cls(shape, tuple(spacing.tolist()), tuple(center.tolist()))
+        dx, dy, dz = np.broadcast_to(np.asarray(spacing, np.float64), 3).tolist()
+        voxels = cast("tuple[int, int, int]", tuple(shape))
+        shape = cls(voxels, (dx, dy, dz)).shape
+        center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * (dx, dy, dz)
+        x, y, z = center.tolist()
+        return cls(shape, (dx, dy, dz), (x, y, z))
 
     @classmethod
     def from_xarray(cls, array: DataArray | Dataset) -> VoxelGrid:
@@ -198,7 +203,7 @@ class VoxelGrid:
             raise ValueError(f"grid shape: found {self.shape}, more voxels than int64 can number")
         position = self.to_voxel_units(points)
         shape = np.asarray(self.shape)
-        inside = ((position >= 0) & (position <= shape)).all(axis=-1)
+        inside = np.asarray(((position >= 0) & (position <= shape)).all(axis=-1))
         index = np.floor(np.where(inside[..., None], position, 0.0)).astype(np.int64)
         index = np.minimum(index, shape - 1)  # the upper outer face belongs to the last voxel
         _, ny, nz = self.shape
@@ -220,8 +225,9 @@ class VoxelGrid:
         """Return the grid of the same box with voxels ``factor`` times finer along each axis."""
         if factor < 1 or factor != int(factor):
             raise ValueError(f"grid refinement: found {factor}, expected a whole number >= 1")
-        shape = tuple(n * int(factor) for n in self.shape)
-        return VoxelGrid(shape, tuple(s / factor for s in self.spacing), self.center)
+        (nx, ny, nz), (dx, dy, dz), whole = self.shape, self.spacing, int(factor)
+        shape = nx * whole, ny * whole, nz * whole
+        return VoxelGrid(shape, (dx / factor, dy / factor, dz / factor), self.center)
 
     def average(self, fine: NDArray, factor: int) -> NDArray:
         """Return the means over this grid's voxels of a volume on ``self.refined(factor)``."""

@@ -84,10 +84,10 @@ class Brightness:
         white noise by ``2 sqrt(pi) s``; ``s`` is chosen to bring the noise down to the fraction
         ``DARK``, up to ``widest``.
         """
-        masks = [None] * len(images) if masks is None else masks
+        given = [None] * len(images) if masks is None else masks
         if noise is None:
-            noise = [estimate_noise(i, m) for i, m in zip(images, masks, strict=True)]
-        usable = tuple(map(usable_pixels, images, masks, noise))
+            noise = [estimate_noise(i, m) for i, m in zip(images, given, strict=True)]
+        usable = tuple(map(usable_pixels, images, given, noise))
         clean = [
             np.where(good, image, 0).astype(np.float32)
             for image, good in zip(images, usable, strict=True)
@@ -108,15 +108,17 @@ class Brightness:
         if threshold == "auto":
             noise_free = SIGMAS_CERTAIN * gain * max(sigmas)
             level = min(floor, _level_of_faint_light(clean, noise_free))
-            threshold = max(level, SIGMAS_DARK * gain * max(sigmas))
-        certain = max(float(threshold), SIGMAS_CERTAIN * gain * max(sigmas))
+            dark = max(level, SIGMAS_DARK * gain * max(sigmas))
+        else:
+            dark = float(threshold)
+        certain = max(dark, SIGMAS_CERTAIN * gain * max(sigmas))
         pairs = list(zip(clean, usable, strict=True))
         return cls(
             tuple(clean),
             usable,
-            tuple((image > threshold) | ~good for image, good in pairs),
+            tuple((image > dark) | ~good for image, good in pairs),
             tuple((image > certain) & good for image, good in pairs),
-            float(threshold),
+            dark,
             smoothing,
             tuple(noise),
         )

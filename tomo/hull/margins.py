@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,7 +89,7 @@ class Hulls:
         """Return the hull in which ``enough`` views find every carved voxel dark."""
         bright = [self.brightness.bright[view] for view in self.voters]
         lattices = [self.lattices[view] for view in self.voters]
-        how = {"margin": margin, "enough": enough, "beyond": self.beyond}
+        how: dict[str, Any] = {"margin": margin, "enough": enough, "beyond": self.beyond}
         active = dark_votes(bright, lattices, self.shape, **how) < enough
         if self.beyond:  # borders say nothing of voxels that no view shows
             nothing = [np.zeros_like(image) for image in bright]

@@ -80,7 +80,8 @@ class Lattice:
 
 def bricks_of(shape: tuple[int, int, int]) -> tuple[int, int, int]:
     """Return the number of bricks along each axis that hold ``shape`` voxels."""
-    return tuple(-(-n // STEP) for n in shape)
+    nx, ny, nz = (-(-n // STEP) for n in shape)
+    return nx, ny, nz
 
 
 def _points(grid: VoxelGrid, positions: list[NDArray]) -> NDArray[np.float64]:

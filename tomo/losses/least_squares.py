@@ -161,7 +161,7 @@ def _checked(
     projector: ProjectionOperator, measured: ArrayLike, weights: ArrayLike | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Return pixels and weights, flat or in columns, checked."""
-    if not (np.ndim(measured) == 2 and len(measured) == projector.shape[0]):
+    if np.ndim(measured) != 2 or np.shape(measured)[0] != projector.shape[0]:
         return check_measured(projector, measured), check_weights(projector, weights)
     measured = by_columns(lambda one: check_measured(projector, one), np.asarray(measured))
     if weights is None:

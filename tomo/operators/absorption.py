@@ -105,19 +105,20 @@ def attenuating(
     then followed through all, and segments in others are left out afterwards.
     """
     strengths, extinction = (absorption.medium, absorption.emission), absorption.extinction
-    everywhere = active is None or active.all or extinction is None
-    find = tracing(grid, tracer, midpoints=True, active=active if everywhere else None)
-    if not everywhere and emission is not None:
-        emission = active.expand(emission)
+    some = None if active is None or active.all or extinction is None else active
+    find = tracing(grid, tracer, midpoints=True, active=active if some is None else None)
+    if some is not None and emission is not None:
+        emission = some.expand(emission)
     given = None if extinction is None else _on_grid(extinction, grid)
 
     def traced(rays: Rays) -> Segments:
         plain = find(replace(rays, pixel_ptr=np.arange(len(rays) + 1), path_ptr=None))
         outside = None if extinction is None else _around(extinction, rays, grid)
-        how = {"extinction": given, "outside": outside}
-        arriving = transmission(plain, rays, grid, *strengths, emission, **how)
+        arriving = transmission(
+            plain, rays, grid, *strengths, emission, extinction=given, outside=outside
+        )
         found = Segments(plain.ptr[rays.pixel_ptr], plain.voxel, plain.length * arriving)
-        return found if everywhere else found.renumbered(active.number)
+        return found if some is None else found.renumbered(some.number)
 
     return traced
 

@@ -80,7 +80,8 @@ def trace_cameras(
         return trace
 
     run_chunks(chunks, len(tracers), worker)
-    parts, kept = [], [[] for _ in rig]
+    parts: list[Segments] = []
+    kept: list[list[NDArray]] = [[] for _ in rig]
     for view, first in chunks:
         part, some = found[view, first]
         parts.append(part)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -147,7 +148,7 @@ def check_memory(
     ValueError
         If the grid would take more than is available; the message names a grid that fits.
     """
-    how = {"supersample": supersample, "aperture_rays": aperture_rays}
+    how: dict[str, Any] = {"supersample": supersample, "aperture_rays": aperture_rays}
     need = estimate_memory(cameras, grid, form=form, **how, midpoints=midpoints)
     available = available_memory() if available is None else available
     _refuse_too_large(need, grid, form, available)
@@ -206,7 +207,7 @@ def choose_form(
             "projector: found on-the-fly, expected stored: the method needs the matrix entries"
         )
     available = available_memory() if available is None else available
-    how = {"supersample": supersample, "aperture_rays": aperture_rays}
+    how: dict[str, Any] = {"supersample": supersample, "aperture_rays": aperture_rays}
     if wanted != ON_THE_FLY:
         most = _most_stored(cameras, grid, rays_of_pixel(**how), midpoints)
         if most <= available:

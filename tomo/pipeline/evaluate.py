@@ -56,9 +56,10 @@ class Reference:
     @property
     def watch(self) -> Watch | None:
         """Return what measures the distance of a volume from the truth; None without one."""
-        if self.truth is None:
+        truth = self.truth
+        if truth is None:
             return None
-        return lambda volume: metrics.cosine_distance(volume, self.truth)
+        return lambda volume: metrics.cosine_distance(volume, truth)
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,7 +207,7 @@ def data_range(scan: Scan, frame: str | None, images: Images) -> float:
     """Return 1 where integer images were scaled to 0..1, else the brightest pixel."""
     if scan.in_full_scales(frame):
         return 1.0
-    return max(max(float(image.max()) for image in images), np.finfo(np.float32).tiny)
+    return max(max(float(image.max()) for image in images), float(np.finfo(np.float32).tiny))
 
 
 def system_apart(

@@ -73,8 +73,8 @@ def explain_images(
             if light:
                 stage.warnings.append(_of_absorption(light, screened.scan.rig.length_unit))
         if options.fit_gain and built.gains is None:
-            found = estimate_gains(built.system.projector, measured, reference=reference)
-            built = with_gains(built, found)
+            gains = estimate_gains(built.system.projector, measured, reference=reference)
+            built = with_gains(built, gains)
         if built.gains is not None and not options.fit_gain:
             stage.warnings.append(_of_gains(built.gains, screened.scan))
     return ExplainedScan(built, report, stage.record)

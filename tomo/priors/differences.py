@@ -6,7 +6,7 @@ from functools import cached_property
 
 import numba
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
@@ -127,7 +127,7 @@ class Gradient:
         """Return ``here``, ``beyond``, ``at`` and ``before``."""
         own, around = self._runs.own, self._around
 
-        def numbers(table: NDArray[np.int64], columns: NDArray, step: tuple[int, int]) -> NDArray:
+        def numbers(table: NDArray[np.integer], columns: NDArray, step: ArrayLike) -> NDArray:
             padded = np.pad(table, 1, constant_values=OUTSIDE)
             return padded[tuple((columns + step).T + 1)]
 

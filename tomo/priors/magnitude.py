@@ -41,7 +41,7 @@ class L1:
         """Return the soft threshold ``sign(c) max(|c| - weight stretch C, 0)``, which is exact."""
 
         def soft(
-            center: NDArray[np.float32], weight: float, _steps: int, stretch: float = 1.0
+            center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
         ) -> NDArray[np.float32]:
             threshold = np.float32(weight * stretch) * inverse
             above = np.maximum(center - threshold, np.float32(0))

@@ -26,7 +26,7 @@ _WRONG = {
 
 
 def _chief_rays(
-    camera: CameraLike, pixels: NDArray[np.int64], supersample: int
+    camera: CameraLike, pixels: NDArray[np.integer], supersample: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the rays of pixels through the centre of projection, ``(P * K², 3)`` each."""
     positions = positions_in_pixel(supersample)
@@ -191,9 +191,9 @@ class Rays:
         origins, directions = _chief_rays(own, pixels, supersample)
         weight = np.full(len(origins), 1.0 / several)
         pixel_ptr = several * np.arange(len(pixels) + 1)
-        seen = slice(None)
+        seen: slice | NDArray[np.bool_] = slice(None)
         if not np.isfinite(directions).all():
-            seen = np.isfinite(directions).all(axis=1)
+            seen = np.asarray(np.isfinite(directions).all(axis=1))
             per_pixel = seen.reshape(-1, several).sum(axis=1)
             origins, directions = origins[seen], directions[seen]
             weight = np.repeat(1.0 / np.maximum(per_pixel, 1), per_pixel)

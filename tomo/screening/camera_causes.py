@@ -118,7 +118,7 @@ class HiddenCause:
         """Find the side and the edge of the frame that explain the image best."""
         rows, columns = view.mask.shape
         dark = view.measured**2 - (view.measured - view.predicted) ** 2
-        errors, names = [], []
+        sums, names = [], []
         for side, axis, length in (
             ("left", 1, columns),
             ("right", 1, columns),
@@ -128,9 +128,9 @@ class HiddenCause:
             gains = np.stack([np.where(h, dark, 0).sum(axis=1 - axis) for h in view.halves])
             if side in ("right", "bottom"):
                 gains = gains[:, ::-1]
-            errors += list(np.cumsum(gains, axis=1).T)
+            sums += list(np.cumsum(gains, axis=1).T)
             names += [(side, n + 1) for n in range(length)]
-        errors = np.array(errors)  # (edges, halves), changes by hiding so many lines
+        errors = np.array(sums)  # (edges, halves), changes by hiding so many lines
         given = [view.excess(view.predicted, half) for half in view.halves]
         chosen = errors.argmin(axis=0)
         excess = sum(given) + errors[chosen[0], 1] + errors[chosen[1], 0]

@@ -54,7 +54,7 @@ class Blocks:
     def squared_errors(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the squares of the blocks' mean misfit, summed over patches: ``(patches,)``."""
         mean = np.bincount(self.block, misfit) / np.bincount(self.block)
-        return np.bincount(self.patch, mean**2)
+        return np.bincount(self.patch, mean**2).astype(np.float64, copy=False)
 
     def noise(self, variance: NDArray[np.float64]) -> float:
         """Return what `squared_errors` are made of noise of a variance, ``(pixels,)``, summed."""

@@ -144,7 +144,8 @@ def cameras_that_stand_out(views: PredictedViews, trusted: int) -> list[CameraFi
     """
     dim = views.own_light < DIM * np.median(views.own_light)
     good = [view for view in range(trusted) if views.sees(view) and not dim[view]]
-    most, wrong = int(MOST_WRONG * len(good)), []
+    most = int(MOST_WRONG * len(good))
+    wrong: list[int] = []
     if len(good) < FEWEST_VIEWS:
         return []
     base = views.volume(good)
@@ -167,8 +168,8 @@ def cameras_that_stand_out(views: PredictedViews, trusted: int) -> list[CameraFi
     for view in held_out:
         trial = _Trial((view,), base, 0.0, 1.0)
         beyond = errors[view] > BEYOND_DOUBT * STANDS_OUT * left_out
-        found = beyond or (errors[view] > STANDS_OUT * left_out and _explained(views, trial))
-        if found and _beyond_exact(views, trial):
+        stands_out = beyond or (errors[view] > STANDS_OUT * left_out and _explained(views, trial))
+        if stands_out and _beyond_exact(views, trial):
             wrong.append(view)
     return [_finding(views, view, base, good, float(np.sqrt(left_out))) for view in wrong]
 

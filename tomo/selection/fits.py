@@ -114,8 +114,8 @@ class Fits:
         length = max(map(len, runs))
         filled = [run + run[-1:] * (length - len(run)) for run in runs]
         errors = [np.concatenate(each) for each in zip(*filled, strict=True)]
-        best = int(np.argmin([each.sum() for each in errors]))
-        return Fit(width, strength, CHECKPOINTS[best], errors[best])
+        stop = int(np.argmin([each.sum() for each in errors]))
+        return Fit(width, strength, CHECKPOINTS[stop], errors[stop])
 
     def _errors(
         self,

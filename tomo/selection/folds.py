@@ -118,7 +118,7 @@ class Fold:
         squares = np.square((self.left_out @ volume - self.left_out_pixels).astype(np.float64))
         if self.left_out_weights is not None:
             squares *= self.left_out_weights
-        return np.bincount(self.blocks, squares)
+        return np.bincount(self.blocks, squares).astype(np.float64, copy=False)
 
     def squared_means(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return ``(sum r)² / n`` of every left-out block of n pixels, ``(blocks,)``, weighted.

@@ -9,10 +9,11 @@ from numpy.typing import NDArray
 
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
-from tomo.solvers import Solution, curvature, mlem
+from tomo.solvers.curvature import curvature
 from tomo.solvers.initial_volume import mlos_start
+from tomo.solvers.mlem import mlem
 from tomo.solvers.several import curvature_of_several, mlem_of_several
-from tomo.solvers.solution import Callback
+from tomo.solvers.solution import Callback, Solution
 
 START = 10
 """Iterations of MLEM that find the brightness by which the prior weighs. Fewer leave ghosts of the

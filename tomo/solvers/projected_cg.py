@@ -150,7 +150,7 @@ def _change(
     return change, image, (step > 0) & (~clipped | (again > 0))
 
 
-def _ratio(above: NDArray[np.float64], below: NDArray[np.float64]) -> NDArray[np.float32]:
+def _ratio(above: ArrayLike, below: ArrayLike) -> NDArray[np.float32]:
     """Return ``above / below``, 0 where that is not positive or nothing is below."""
-    found = np.divide(above, below, out=np.zeros(np.shape(below)), where=below > 0)
+    found = np.divide(above, below, out=np.zeros(np.shape(below)), where=np.greater(below, 0))
     return np.maximum(found, 0).astype(np.float32)

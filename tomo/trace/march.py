@@ -196,7 +196,7 @@ class March:
         self._midpoints = midpoints
         self._all = active is None or active.all
         self._distance, self._number = np.zeros(0, np.uint8), np.zeros(0, np.int32)
-        if not self._all:
+        if active is not None and not active.all:
             self._distance = active.distance.ravel()
             self._number = active.storage_index_of_voxel if in_storage_order else active.number
         self._kept = self._room(0)

@@ -58,7 +58,7 @@ def plane_quads(shape: tuple[int, int, int]) -> tuple[NDArray[np.float32], NDArr
 
 def _cuts(
     scene: open3d.t.geometry.RaycastingScene, box: BoxCrossing, shape: tuple[int, int, int]
-) -> tuple[NDArray[np.float64], NDArray[np.int8]]:
+) -> tuple[NDArray[np.float64], NDArray[np.integer]]:
     """Return where every ray is cut, sorted, and the axis of the plane that cuts it.
 
     Both (rays, planes + 2), from the entry at 0 to the ray's length; ends have axis -1. Planes

@@ -152,7 +152,7 @@ def _repeated(
     (pixels,) float32, (unknowns,) float32
         The first noisy images and their volume.
     """
-    count, mean, squares = 0, 0.0, 0.0
+    count, mean, squares = 0, np.zeros(()), np.zeros(())
     for count, random in enumerate(generators, 1):
         noisy = (base + noise * random.standard_normal(len(noise))).astype(np.float32)
         volume = solve(noisy)

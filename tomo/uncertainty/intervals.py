@@ -166,7 +166,9 @@ def intervals(
     of_values = _of_summaries(system, volume, left_out, again, deviations, light)
     return Intervals(
         system.projector.active,
-        *(part.astype(np.float32) for part in (by_noise, structure, together)),
+        by_noise.astype(np.float32),
+        structure.astype(np.float32),
+        together.astype(np.float32),
         *of_values,
         len(left_out.groups),
     )

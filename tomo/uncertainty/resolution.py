@@ -110,7 +110,8 @@ def half_widths(response: NDArray[np.float64], place: tuple[int, int, int]) -> N
     Values between voxels are interpolated, those outside the grid are zero; at most ``2 REACH``.
     """
     padded = np.pad(response, REACH + 1)
-    place = tuple(int(index) + REACH + 1 for index in place)
+    x, y, z = place
+    place = x + REACH + 1, y + REACH + 1, z + REACH + 1
     widths = np.full(3, 2.0 * REACH)
     if not padded[place] > 0:
         return widths

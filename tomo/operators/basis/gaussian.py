@@ -65,7 +65,9 @@ class GaussianBasis(BasisProjector):
             return by_columns(self._blur, coefficients)
         return self._blur(coefficients.ravel()).reshape(coefficients.shape)
 
-    to_voxels_adjoint = to_voxels  # G is symmetric
+    def to_voxels_adjoint(self, values: NDArray) -> NDArray:
+        """Return ``G^T v``, which is ``G v``: the kernel is symmetric."""
+        return self.to_voxels(values)
 
     def volume(self, coefficients: NDArray) -> NDArray:
         """Return the volume of coefficients that cover the grid, as solvers return them."""

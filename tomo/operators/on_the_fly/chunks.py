@@ -79,7 +79,9 @@ def chunks_of(sources: Sequence[PixelSource], wanted: Sequence[bool]) -> Iterato
         Their pixels, one source after another, are those of a projector.
     wanted : sequence of bool
     """
-    parts, spans, rays, first = [], [], 0, 0
+    parts: list[tuple[PixelSource, int, int]] = []
+    spans: list[tuple[int, int]] = []
+    rays, first = 0, 0
     for source, want in zip(sources, wanted, strict=True):
         for start, stop, count in source.portions(RAYS_AT_ONCE) if want else ():
             if rays + count > RAYS_AT_ONCE and parts:

@@ -201,7 +201,11 @@ class OnTheFlyProjector(ProjectionOperator):
         def last(along: int, axis: int) -> tuple[bool, int]:
             return self.grid.shape[axis] < FEW_COLUMNS, int(faces[along][axis])
 
-        return [(a, *sorted(others, key=partial(last, a))) for a, *others in ORDERS]
+        found = []
+        for a, *others in ORDERS:
+            b, c = sorted(others, key=partial(last, a))
+            found.append((a, b, c))
+        return found
 
     def _matvec(self, x: NDArray) -> NDArray:
         volume = self.active.expand(as_float(x.ravel()))
@@ -290,7 +294,7 @@ class OnTheFlyProjector(ProjectionOperator):
         plane = shape[2] * (shape[0] + 1)
         threads = numba.get_num_threads()
         if threads == 1 and len(columns) == shape[1]:
-            groups = [((0, shape[1]), chunks)]
+            groups = [((0, shape[1]), list(chunks))]
         else:
             groups = self._columns_met(axes, chunks).groups(chunks, columns, threads)
 

@@ -134,6 +134,7 @@ class RayPixels(PixelSource):
         box, shape = corners_and_spacing(grid), in_order(grid.shape, axes)
 
         def write(start: int, stop: int, parameters: NDArray[np.float64]) -> None:
+            some: slice | NDArray[np.int64]
             if rows is None:
                 some = slice(int(rays.pixel_ptr[start]), int(rays.pixel_ptr[stop]))
             else:

@@ -93,7 +93,8 @@ def _sum_down(differences, walk, first_other, end_other, start, unit, volume) ->
 
 def in_order(values: tuple[int, int, int], axes: Axes) -> tuple[int, int, int]:
     """Return values of x, y and z in the order a, b, c."""
-    return tuple(values[axis] for axis in axes)
+    a, b, c = (values[axis] for axis in axes)
+    return a, b, c
 
 
 def running_sums(
