@@ -117,25 +117,23 @@ class GaussianBlobs:
         """
         from scipy.special import erf  # slow to import
 
-        origins, directions = as_points(origins), as_points(directions)
-        lengths = np.asarray(lengths, np.float64)
-        norms = np.linalg.norm(directions, axis=-1, keepdims=True)
+        start, way = as_points(origins), as_points(directions)
+        far = np.asarray(lengths, np.float64)
+        norms = np.linalg.norm(way, axis=-1, keepdims=True)
         if not (norms > 0).all():
             raise ValueError("line directions: found a zero vector, expected non-zero")
-        if not (lengths >= 0).all():
+        if not (far >= 0).all():
             raise ValueError("line lengths: found a negative or NaN length, expected >= 0")
-        directions = directions / norms
-        total = np.zeros(
-            np.broadcast_shapes(origins.shape[:-1], directions.shape[:-1], lengths.shape)
-        )
+        way = way / norms
+        total = np.zeros(np.broadcast_shapes(start.shape[:-1], way.shape[:-1], far.shape))
         for center, width, amplitude in self._blobs():
-            offset = center - origins
-            along = (offset * directions).sum(axis=-1)
+            offset = center - start
+            along = (offset * way).sum(axis=-1)
             # The vector across, not |offset|² - along²: for far origins that difference cancels.
-            across = offset - along[..., None] * directions
+            across = offset - along[..., None] * way
             decay = np.exp(-(across**2).sum(axis=-1) / (2 * width**2))
             scale = math.sqrt(2) * width
-            covered = erf((lengths - along) / scale) + erf(along / scale)
+            covered = erf((far - along) / scale) + erf(along / scale)
             total += amplitude * width * math.sqrt(math.pi / 2) * decay * covered
         return total
 

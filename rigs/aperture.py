@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,7 +71,7 @@ class Aperture:
             Naming the camera and the fields that are missing, or a lens that focuses nearer than
             its focal length.
         """
-        known = {name: getattr(camera.optics, name, None) for name in NEEDED}
+        known: dict[str, Any] = {name: getattr(camera.optics, name, None) for name in NEEDED}
         known["focus_distance"] = focus_distance or known["focus_distance"]
         missing = [name for name, value in known.items() if value is None]
         if missing:

@@ -105,7 +105,7 @@ def whole_folder(
         raise
 
 
-def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
+def remove_leftovers(folder: str | os.PathLike[str]) -> list[Path]:
     """Remove the half-written files that killed processes of this machine left in ``folder``.
 
     Files of processes that still run, of other machines and of other names stay, and so do those
@@ -116,7 +116,7 @@ def remove_leftovers(folder: str | os.PathLike) -> list[Path]:
     list of Path
         The files and folders removed.
     """
-    removed = []
+    removed: list[Path] = []
     try:
         entries = list(os.scandir(folder))
     except PermissionError:  # a folder to drop files into
@@ -168,11 +168,11 @@ def _move(staging: Path, folder: Path, last: Sequence[str], others: Sequence[str
     with _moving:
         for name in last:
             (folder / name).unlink(missing_ok=True)
-        for name in {*map(Path, others)}.difference(files):
-            (folder / name).unlink(missing_ok=True)
-        for name in sorted(files, key=lambda name: order.get(name, 0)):
-            (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            _replace(staging / name, folder / name)
+        for other in {*map(Path, others)}.difference(files):
+            (folder / other).unlink(missing_ok=True)
+        for file in sorted(files, key=lambda file: order.get(file, 0)):
+            (folder / file).parent.mkdir(parents=True, exist_ok=True)
+            _replace(staging / file, folder / file)
 
 
 def _replace(source: Path, target: Path) -> None:

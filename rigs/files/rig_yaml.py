@@ -6,12 +6,12 @@ import math
 import os
 from importlib import resources
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import yaml
 
 from rigs.camera import Camera, look_at, pinhole_matrix
-from rigs.camera_protocol import CameraLike
+from rigs.camera_protocol import CameraLike, LensCamera
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import breaks_a_line, read_yaml_mapping, write_text
 from rigs.lens import Distortion
@@ -173,7 +173,10 @@ def _rig(entry: RigEntry, folder: Path) -> Rig:
     """Return the rig of a checked file in ``folder``."""
     if not entry.cameras:
         raise ValueError("cameras: found none, expected at least one")
-    volume = entry.volume and Volume(entry.volume.shape, entry.volume.spacing, entry.volume.center)
+    volume, box = None, entry.volume
+    if box is not None:
+        spacing = box.spacing if isinstance(box.spacing, tuple) else (box.spacing,) * 3
+        volume = Volume(box.shape, spacing, box.center)
     cameras = tuple(_camera(camera, folder) for camera in entry.cameras)
     rig = Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
     return rig if entry.scene is None else _in_scene(rig, entry.scene, folder)
@@ -191,12 +194,12 @@ def _in_scene(rig: Rig, entry: SceneEntry, folder: Path) -> Rig:
 def _camera(entry: CameraEntry, folder: Path) -> CameraLike:
     """Return the camera of a checked entry."""
     if entry.ray_table is not None:
-        return _ray_table(entry, folder)
+        return _ray_table(entry, entry.ray_table, folder)
     try:
         if entry.image_size is None:
             raise ValueError("image_size: missing, expected width and height in pixels")
         distortion = Distortion(entry.distortion.model, tuple(entry.distortion.coefficients))
-        optics = entry.optics and Optics(**entry.optics.model_dump())
+        optics = _optics(entry)
         K = _intrinsics(entry)
         R, t = _pose(entry)
     except ValueError as error:
@@ -204,20 +207,24 @@ def _camera(entry: CameraEntry, folder: Path) -> CameraLike:
     return Camera(entry.name, entry.image_size, K, distortion, R, t, optics, entry.status)
 
 
-def _ray_table(entry: CameraEntry, folder: Path) -> RayTable:
-    """Return the table of rays that an entry names."""
+def _optics(entry: CameraEntry) -> Optics | None:
+    return None if entry.optics is None else Optics(**entry.optics.model_dump())
+
+
+def _ray_table(entry: CameraEntry, file: str, folder: Path) -> RayTable:
+    """Return the table of rays in a file that an entry names."""
     kept = {"name", "ray_table", "image_size", "optics", "status"}
     try:
         for field in sorted(entry.model_fields_set - kept):
             raise ValueError(f"{field}: found together with ray_table, expected one of the two")
-        optics = entry.optics and Optics(**entry.optics.model_dump())
+        optics = _optics(entry)
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
-    camera = load_ray_table(entry.name, entry.ray_table, folder, optics, entry.status)
+    camera = load_ray_table(entry.name, file, folder, optics, entry.status)
     if entry.image_size not in (None, camera.image_size):
         raise ValueError(
             f"camera {entry.name}: image_size: found {entry.image_size}, "
-            f"expected {camera.image_size} as in {entry.ray_table}"
+            f"expected {camera.image_size} as in {file}"
         )
     return camera
 
@@ -253,20 +260,16 @@ def _intrinsics(entry: CameraEntry) -> Any:
                 f"{name if given else 'camera_matrix'}: missing, expected camera_matrix, "
                 "or focal_length and pixel_pitch"
             )
-    pitch = entry.pixel_pitch
-    pitch_x, pitch_y = pitch if isinstance(pitch, tuple) else (pitch, pitch)
+    size = cast("tuple[int, int]", entry.image_size)  # both were looked for above
+    focal, pitch = cast("float", entry.focal_length), entry.pixel_pitch
+    pitch_x, pitch_y = pitch if isinstance(pitch, tuple) else (cast("float", pitch),) * 2
     for name, lengths in (
-        ("focal_length", [entry.focal_length]),
+        ("focal_length", [focal]),
         ("pixel_pitch", [pitch_x, pitch_y]),
     ):
         if not all(length > 0 for length in lengths):
             raise ValueError(f"{name}: found {getattr(entry, name)}, expected positive lengths")
-    return pinhole_matrix(
-        entry.image_size,
-        entry.focal_length / pitch_x,
-        entry.focal_length / pitch_y,
-        entry.principal_point,
-    )
+    return pinhole_matrix(size, focal / pitch_x, focal / pitch_y, entry.principal_point)
 
 
 def _pose(entry: CameraEntry) -> tuple[Any, Any]:
@@ -282,22 +285,23 @@ def _pose(entry: CameraEntry) -> tuple[Any, Any]:
         if getattr(entry, name) is None:
             raise ValueError(f"{name}: missing, expected R and t, or position, look_at and up")
     if given[1]:
-        return look_at(entry.position, entry.look_at, entry.up)
+        return look_at(*(getattr(entry, name) for name in groups[1]))
     return entry.R, entry.t
 
 
 def _camera_data(camera: CameraLike, stem: str) -> dict[str, Any]:
     """Return a camera's plain data, in the order of the file."""
     if isinstance(camera, RayTable):
-        data = {"name": camera.name, "ray_table": _table_name(camera, stem)}
-        return data | _last_data(camera)
+        table = {"name": camera.name, "ray_table": _table_name(camera, stem)}
+        return table | _last_data(camera)
+    lens = cast("LensCamera", camera)
     data: dict[str, Any] = {
         "name": camera.name,
         "image_size": list(camera.image_size),
         "camera_matrix": camera.camera_matrix.tolist(),
         "distortion": {
-            "model": camera.distortion.model,
-            "coefficients": list(camera.distortion.coefficients),
+            "model": lens.distortion.model,
+            "coefficients": list(lens.distortion.coefficients),
         },
         "R": camera.R.tolist(),
         "t": camera.t.tolist(),

@@ -46,7 +46,7 @@ def check_claim(claimed: int, stored: int) -> None:
         )
 
 
-def decompressed(data: bytes, most: int, method: str = "zlib") -> bytearray:
+def decompressed(data: bytes | bytearray, most: int, method: str = "zlib") -> bytearray:
     """Return what a compressed stream holds, which may be ``most`` bytes.
 
     Parameters

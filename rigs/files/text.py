@@ -189,13 +189,14 @@ def _check_events(text: str, path: str | os.PathLike) -> None:
 
     Nodes are built by recursion in C, which overflows the stack at some ten thousand levels.
     """
-    depth, values, anchors = 0, 0, {}
+    depth, values = 0, 0
+    anchors: dict[str | None, int] = {}
     for event in yaml.parse(text, _Loader):
         if isinstance(event, yaml.CollectionEndEvent):
             depth -= 1
         if not isinstance(event, yaml.NodeEvent):
             continue
-        line = event.start_mark.line + 1
+        line = event.start_mark.line + 1 if event.start_mark else 0
         if isinstance(event, yaml.AliasEvent):
             line = anchors.get(event.anchor, line)
             raise ValueError(f"{path}: found a YAML alias to line {line}, expected plain values")

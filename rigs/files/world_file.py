@@ -102,8 +102,8 @@ def _world(data: Mapping[str, Any], rig: Rig) -> World:
         if key not in keys:
             raise ValueError(f"{shortened(key)}: unknown, expected {', '.join((*keys, *_MORE))}")
     if keys[0] == "points":
-        places = [_points(data[key], key) * factor for key in keys]
-        return _by_places(*places, rescale, frame)
+        here, there = (_points(data[key], key) * factor for key in keys)
+        return _by_places(here, there, rescale, frame)
     if rescale:
         raise ValueError("rescale: found true, expected points and what they become with it")
     if keys[0] == "R":

@@ -56,8 +56,9 @@ def interpolated_rays(
 
     def bilinear(table: NDArray[np.float64]) -> NDArray[np.float64]:
         (left, above), (right, below) = low.T, high.T
-        corners = table[above, left], table[above, right], table[below, left], table[below, right]
-        return _bilinear(*corners, fraction)
+        a, b = table[above, left], table[above, right]
+        c, d = table[below, left], table[below, right]
+        return _bilinear(a, b, c, d, fraction)
 
     values = np.zeros((3, 2, len(xy), 3))  # value and slopes, of origins and directions
     values[:, 1] = bilinear(directions)
@@ -74,7 +75,7 @@ def interpolated_rays(
 
 
 def _bilinear(
-    a: NDArray, b: NDArray, c: NDArray, d: NDArray, fraction: NDArray[np.float64]
+    a: NDArray, b: NDArray, c: NDArray, d: NDArray, fraction: NDArray
 ) -> NDArray[np.float64]:
     """Return value and slopes ``(3, N, 3)`` between the corners of cells, a b above c d."""
     x, y = fraction[:, :1], fraction[:, 1:]

@@ -21,7 +21,10 @@ _WIDEST = 0.5  # cosine of the largest angle from the mean ray; wider ones disto
 class NearestPinhole:
     """A camera's members that its nearest pinhole gives; ``_pinhole`` holds what is fitted."""
 
-    _pinhole: tuple[NDArray, NDArray, NDArray]  # camera matrix, R and position
+    @property
+    def _pinhole(self) -> tuple[NDArray, NDArray, NDArray]:
+        """Camera matrix, R and position of the nearest pinhole; each kind of camera fits one."""
+        raise NotImplementedError
 
     @property
     def camera_matrix(self) -> NDArray[np.float64]:

@@ -86,7 +86,8 @@ class RayTable(OnImage, NearestPinhole):
     name: str
     origins: NDArray[np.float64]
     directions: NDArray[np.float64]
-    image_size: tuple[int, int] | None = None
+    # None is the size of the table, which takes its place
+    image_size: tuple[int, int] = None  # type: ignore[assignment]
     scale: float = 1.0
     offset: tuple[float, float] = (0.0, 0.0)
     optics: Optics | None = None
@@ -213,7 +214,7 @@ class RayTable(OnImage, NearestPinhole):
         uv = (xy + 0.5 - self.offset) / self.scale - 0.5
         with np.errstate(invalid="ignore", over="ignore"):
             depth = (points - self.position) @ self.R[2]
-        return uv, depth, np.isfinite(uv).all(axis=1)
+        return uv, depth, np.asarray(np.isfinite(uv).all(axis=1))
 
     def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
         """Return the lines of sight of pixels, the inverse of `project`.

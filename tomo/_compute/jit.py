@@ -17,7 +17,8 @@ from rigs.compiled import cached_with_helpers
 from tomo._compute.wait_policy import set_passive_waiting
 
 set_passive_waiting()
-numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]
+# An option that numba makes when it is loaded
+numba.config.THREADING_LAYER_PRIORITY = ["omp", "tbb", "workqueue"]  # type: ignore[attr-defined]
 
 _WHAT_NUMBA_FINDS = (
     "comprehension", "fusion", "inplace_binop", "numpy", "reduction", "setitem", "stencil",

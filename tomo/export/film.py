@@ -44,4 +44,5 @@ def write_film(frames: Frames, target: Path) -> None:
                 stream.pix_fmt = "yuv420p"
                 stream.height, stream.width = image.shape[:2]
             film.mux(stream.encode(av.VideoFrame.from_ndarray(image, "rgb24")))
-        film.mux(stream.encode(None))
+        if stream is not None:
+            film.mux(stream.encode(None))

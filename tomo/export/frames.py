@@ -5,12 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators.system import Progress
 from tomo.series.store import SeriesStore
+
+if TYPE_CHECKING:
+    import zarr
 
 LARGEST_CHUNK = 1 << 30
 """Bytes of a chunk of a file, at the most: HDF5 takes 4 GiB, readers hold a few in memory."""
@@ -46,9 +50,12 @@ class Frames:
         """Their numbers in the scan, ``(frames,)``."""
         return self.of("frame")
 
+    def _array(self, name: str) -> zarr.Array:
+        return cast("zarr.Array", self.store.group[name])
+
     def of(self, name: str) -> NDArray:
         """Return their part of an array of the store."""
-        return self.store.group[name][:][list(self.places)]
+        return np.asarray(self._array(name)[:])[list(self.places)]
 
     def volumes(self, words: str = "") -> Iterator[NDArray[np.float32]]:
         """Yield their volumes ``(nx, ny, nz)``, one after the other."""
@@ -66,8 +73,8 @@ class Frames:
 
     def axis(self, name: str) -> tuple[NDArray[np.float64], str]:
         """Return the centres of voxels along ``x``, ``y`` or ``z``, and their unit."""
-        array = self.store.group[name]
-        return array[:], array.attrs["units"]
+        array = self._array(name)
+        return np.asarray(array[:]), str(array.attrs["units"])
 
     def about(self) -> dict[str, str]:
         """Return attributes that say where a file comes from."""

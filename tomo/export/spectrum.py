@@ -75,7 +75,7 @@ def welch(frames: Frames, part: slice, rate: float, length: int) -> NDArray[np.f
     from scipy.signal import periodogram
 
     waiting: list[NDArray] = []
-    total, count = 0.0, 0
+    total, count = np.zeros(()), 0
     for volume in frames.volumes(f"planes {part.start} to {part.stop - 1} of x, "):
         waiting.append(volume[part].copy())
         if len(waiting) == length:

@@ -197,7 +197,8 @@ def _blurred(
     import cv2
 
     def blur(array: NDArray[np.float32]) -> NDArray[np.float32]:
-        return cv2.GaussianBlur(array, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+        blurred = cv2.GaussianBlur(array, (0, 0), sigma, borderType=cv2.BORDER_REPLICATE)
+        return np.asarray(blurred, np.float32)
 
     total = blur(image)
     if usable.all():

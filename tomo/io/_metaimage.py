@@ -49,7 +49,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
         raise ValueError(f"DimSize: found {fields['DimSize'][:60]!r}, expected whole numbers >= 1")
     shape = tuple(int(size) for size in sizes)
     count = math.prod(shape) * dtype.itemsize
-    values = content[start:]
+    values: bytes | bytearray = content[start:]
     if _is_true(fields, "CompressedData"):
         values = decompressed(values, count)
     if len(values) < count:

@@ -82,7 +82,7 @@ def _sizes(header: bytes) -> list[int]:
     return [int(size) for size in sizes]
 
 
-def _values(header: dict, content: bytes, count: int) -> NDArray:
+def _values(header: dict, content: bytes | bytearray, count: int) -> NDArray:
     """Return the values ``(nx, ny, nz)`` behind a header that claims ``count`` of them."""
     import nrrd
 

@@ -76,11 +76,10 @@ def _axis(
                 return 0.0, step
             low = high - step * intervals
     else:
-        step = spacing
-        if step is None:
+        if spacing is None:
             step = (high - low) / intervals if intervals else 1.0
-        elif high < low:
-            step = -step
+        else:
+            step = -spacing if high < low else spacing
         if not abs(high - low - step * intervals) <= _AGREE * abs(step) * max(intervals, 1):
             raise ValueError(
                 f"axis maxs: found {high:g}, expected {low + step * intervals:g} by axis mins, "

@@ -127,7 +127,7 @@ def _numbers(
     """Return the numbers of an attribute."""
     text = element.get(name, default)
     try:
-        numbers = np.array(text.split(), dtype)
+        numbers: NDArray = np.array(text.split(), dtype)
     except (ValueError, OverflowError):
         numbers = np.zeros(0)
     if numbers.shape != (count,):

@@ -6,12 +6,16 @@ import math
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
 from tomo.grid import VoxelGrid
+
+if TYPE_CHECKING:
+    import zarr
 
 FORMAT, VERSION = "emission-film", 1
 SUFFIX = ".zarr"
@@ -43,9 +47,9 @@ class VolumeFilm:
             found = group.attrs.get("format"), group.attrs.get("version")
             if found != (FORMAT, VERSION):
                 raise ValueError(f"format: found {found}, expected {(FORMAT, VERSION)}")
-            self.grid = VoxelGrid(**group.attrs["grid"])
+            self.grid = VoxelGrid(**cast("dict[str, Any]", group.attrs["grid"]))
             self.length_unit = str(group.attrs["length_unit"])
-            self._values = group["emission"]
+            self._values = cast("zarr.Array", group["emission"])
             if self._values.shape[1:] != self.grid.shape or self._values.dtype != np.float32:
                 raise ValueError(
                     f"emission: found {self._values.dtype} {self._values.shape}, expected "
@@ -116,7 +120,7 @@ class VolumeFilm:
         with errors_of_libraries(f"{self.path}: frame {number}: not readable"):
             stored = (self.path / "emission" / "c" / f"{number}/0/0/0").stat().st_size
             check_claim(4 * self.grid.size, stored)
-            volume = self._values[number]
+            volume = np.asarray(self._values[number])
         if not np.isfinite(volume).all():
             raise ValueError(f"{self.path}: frame {number}: found NaN or infinity, expected none")
         return volume

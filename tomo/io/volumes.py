@@ -11,6 +11,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -64,8 +65,9 @@ def read_volume(
     FileNotFoundError
         If there is no such file.
     """
-    how = {"spacing": spacing, "center": center, "length_unit": length_unit}
-    return read_volume_with_unit(path, allow_nan=allow_nan, **how)[:3]
+    return read_volume_with_unit(
+        path, spacing=spacing, center=center, length_unit=length_unit, allow_nan=allow_nan
+    )[:3]
 
 
 def read_volume_with_unit(
@@ -231,7 +233,8 @@ def _write_npz(
     is_packed: bool = True,
 ) -> None:
     save = np.savez_compressed if is_packed else np.savez
-    units = {"length_unit": length_unit} | ({"value_unit": value_unit} if value_unit else {})
+    units: dict[str, Any] = {"length_unit": length_unit}
+    units |= {"value_unit": value_unit} if value_unit else {}
     save(path, data=data, origin=grid.origin, spacing=grid.spacing, **units)
 
 

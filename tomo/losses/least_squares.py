@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Callable
 from functools import cached_property
-from typing import Protocol
+from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -110,7 +110,7 @@ class LeastSquares:
         rows = self._rows(self.prior.forward(self._one_each(np.zeros)))
         return np.concatenate([self.measured, np.zeros_like(rows)])
 
-    def start(self, start: ArrayLike | None, nonnegative: bool) -> NDArray[np.float32]:
+    def start(self, start: ArrayLike | None, nonnegative: bool) -> NDArray[np.floating]:
         """Return the unknowns to start from, in units of ``unit``."""
         if start is None:
             return self._one_each(np.zeros)
@@ -168,7 +168,11 @@ def _checked(
         return measured, None
     if np.shape(weights) != measured.shape:
         raise ValueError(f"weights: found shape {np.shape(weights)}, expected {measured.shape}")
-    return measured, by_columns(lambda one: check_weights(projector, one), np.asarray(weights))
+
+    def checked(one: NDArray) -> NDArray:
+        return cast("NDArray", check_weights(projector, one))  # None for None alone
+
+    return measured, by_columns(checked, np.asarray(weights))
 
 
 def check_prior(prior: object, *methods: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,7 +64,7 @@ def find_outlier_pixels(
     outliers = np.zeros(image.shape, bool)
     if min(image.shape) < 5 or not image.any(where=usable):
         return outliers
-    scale = np.float32(np.abs(image).max(where=usable, initial=0.0))
+    scale: Any = np.float32(np.abs(image).max(where=usable, initial=0.0))
     noise = estimate_noise(image, usable) if noise is None else noise
     noise = NoiseModel(noise.read / scale, noise.gain / scale)
     image = np.where(usable, image / scale, 0)
@@ -137,7 +138,7 @@ def _neighbours(
     return np.stack([padded[rows + 2 + y, columns + 2 + x] for y, x in steps])
 
 
-def _middle_of_pairs(image: NDArray[np.float32]) -> NDArray[np.float32]:
+def _middle_of_pairs(image: NDArray[np.float32]) -> NDArray[np.floating]:
     """Return the mean of the second and third of the four lines' predictions."""
     height, width = image.shape
     # Odd reflection goes on straight beyond the border: a slope is no deviation.

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -53,7 +55,9 @@ def transmission(
     entry = box.position * grid.spacing - grid.extent / 2  # (pieces, 3)
     near = np.einsum("ij,ij->i", entry, rays.directions)
     nothing = np.zeros(0, np.float32)
-    used = nothing if self_absorption == 0 else emission.ravel()
+    used = nothing
+    if self_absorption != 0:
+        used = cast("NDArray[np.floating]", emission).ravel()
     given = nothing if extinction is None else extinction
     beyond = np.zeros((0, 2)) if outside is None else outside
     paths = rays.paths

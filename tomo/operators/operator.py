@@ -48,17 +48,23 @@ class ProjectionOperator(LinearOperator):
         number of pixels.
     """
 
-    basis: str = VOXEL
-    """The basis functions that the unknowns are coefficients of: `VOXEL` or `LINEAR`."""
-
-    rows_are_single_rays: bool = True
-    """Whether a row holds the rays of its own pixel alone, not those of neighbours."""
-
-    is_stored: bool = False
-    """Whether the entries of the rays are stored: unknowns can then be left out."""
-
     matrix: Matrix | None = None
     """The stored entries; None where the operator stores none that solvers may go through."""
+
+    @property
+    def basis(self) -> str:
+        """The basis functions that the unknowns are coefficients of: `VOXEL` or `LINEAR`."""
+        return VOXEL
+
+    @property
+    def rows_are_single_rays(self) -> bool:
+        """Whether a row holds the rays of its own pixel alone, not those of neighbours."""
+        return True
+
+    @property
+    def is_stored(self) -> bool:
+        """Whether the entries of the rays are stored: unknowns can then be left out."""
+        return False
 
     def __init__(
         self,

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.jit import compiled
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators.operator import ProjectionOperator, as_float
+from tomo.operators.operator import Matrix, ProjectionOperator, as_float
 from tomo.operators.spmm import products, transposed_products
 from tomo.operators.spmv import part_bounds, product, row_sums, transposed_product
 from tomo.trace import Segments
@@ -105,7 +105,7 @@ class Projector(ProjectionOperator):
     def _set(self, entries: Segments, starts: NDArray[np.int64], stops: NDArray[np.int64]) -> None:
         """Take the pixels whose entries are ``starts[p]:stops[p]`` of ``entries``."""
         self._entries, self._starts, self._stops = entries, starts, stops
-        self.matrix = (starts, stops, _unsigned(entries.voxel), entries.length)
+        self.matrix: Matrix = (starts, stops, _unsigned(entries.voxel), entries.length)
 
     def _of(
         self,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
 from rigs.aperture import check_apertures
 from tomo.grid import VoxelGrid
@@ -97,7 +98,7 @@ def repeats_of(options: Options) -> int:
             f"uncertainty: found {options.uncertainty} repeats, expected 0 or auto for method "
             f"{method.name}: learned weights are not learned again for each repeat"
         )
-    return options.uncertainty
+    return cast("int", options.uncertainty)  # the only word is AUTO
 
 
 def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:

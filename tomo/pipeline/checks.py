@@ -101,7 +101,7 @@ def whole(
     def convert(value: Any) -> int | str | None:
         if (value is None and optional) or (isinstance(value, str) and value in words):
             return value
-        number = value if isinstance(value, Integral) else _whole_float(value)
+        number: Any = value if isinstance(value, Integral) else _whole_float(value)
         if isinstance(value, bool) or number < lower or number in but:
             raise ValueError
         if upper is not None and number > upper:

@@ -129,7 +129,7 @@ class Gradient:
 
         def numbers(table: NDArray[np.integer], columns: NDArray, step: ArrayLike) -> NDArray:
             padded = np.pad(table, 1, constant_values=OUTSIDE)
-            return padded[tuple((columns + step).T + 1)]
+            return padded[tuple((columns + np.asarray(step)).T + 1)]
 
         steps = np.eye(2, dtype=np.int64)
         return (

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from tomo._compute.jit import compiled
 
 if TYPE_CHECKING:
-    from rigs import Camera
+    from rigs.camera_protocol import CameraLike
 
 FINE, NOT_FINITE, NOT_UNIT, BAD_LENGTH = range(4)
 
@@ -24,7 +24,7 @@ _UNIT = 2e-9
 
 
 def lines_of_sight(
-    camera: Camera, pixels: NDArray[np.int64], positions: NDArray[np.float64]
+    camera: CameraLike, pixels: NDArray[np.integer], positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return origins and directions, ``(P * K², 3)`` each, as `rigs.Camera.rays` does.
 

@@ -123,21 +123,21 @@ class Rays:
         Directions are normalised here; a single origin, direction or length serves all rays.
         """
         origins = np.atleast_2d(np.asarray(origins, np.float64))
-        directions = np.atleast_2d(np.asarray(directions, np.float64))
-        if not np.isfinite(directions).all():
+        way: NDArray = np.atleast_2d(np.asarray(directions, np.float64))
+        if not np.isfinite(way).all():
             raise ValueError("rays directions: found NaN or infinity, expected finite vectors")
-        largest = np.abs(directions).max(axis=1, keepdims=True)
+        largest = np.abs(way).max(axis=1, keepdims=True)
         if not (largest > 0).all():
             raise ValueError("rays directions: found a zero vector, expected non-zero")
         _, exponent = np.frexp(largest)  # by powers of two: squares neither overflow nor vanish
-        directions = np.ldexp(directions, -exponent)
-        norms = np.linalg.norm(directions, axis=1, keepdims=True)
-        lengths = np.atleast_1d(np.asarray(lengths, np.float64))
-        n = max(len(origins), len(directions), len(lengths)) if len(origins) else 0
+        way = np.ldexp(way, -exponent)
+        norms = np.linalg.norm(way, axis=1, keepdims=True)
+        far = np.atleast_1d(np.asarray(lengths, np.float64))
+        n = max(len(origins), len(way), len(far)) if len(origins) else 0
         origins = np.array(np.broadcast_to(origins, (n, 3)))
-        directions = np.array(np.broadcast_to(directions / norms, (n, 3)))
-        lengths = np.array(np.broadcast_to(lengths, (n,)))
-        return cls(origins, directions, lengths, np.ones(n), np.arange(n + 1))
+        way = np.array(np.broadcast_to(way / norms, (n, 3)))
+        far = np.array(np.broadcast_to(far, (n,)))
+        return cls(origins, way, far, np.ones(n), np.arange(n + 1))
 
     @classmethod
     def from_camera(

@@ -59,7 +59,7 @@ class _Frame(_Strict):
 class _Raw(_Strict):
     width: Annotated[Whole, AfterValidator(_from_one)]
     height: Annotated[Whole, AfterValidator(_from_one)]
-    dtype: Literal[PIXEL_TYPES]
+    dtype: Literal[PIXEL_TYPES]  # type: ignore[valid-type]  # a tuple of words, elsewhere
     byte_order: Literal["little", "big"] = "little"
     header_bytes: Annotated[Whole, AfterValidator(_from_zero)] = 0
     gap_bytes: Annotated[Whole, AfterValidator(_from_zero)] = 0
@@ -80,8 +80,8 @@ def _film(entry: Any) -> Any:
 
 def _one_or_each(
     expected: str, accepts: Callable[[Any], bool], read: Callable[[Any], Any] = lambda value: value
-) -> Any:
-    """Return the type of a correction: one value for all cameras, or a mapping to values."""
+) -> BeforeValidator:
+    """Return the check of a correction: one value for all cameras, or a mapping to values."""
 
     def check(value: Any) -> Any:
         if value is None:
@@ -96,7 +96,7 @@ def _one_or_each(
                 )
         return each if many else each[None]
 
-    return Annotated[Any, BeforeValidator(check)]
+    return BeforeValidator(check)
 
 
 def _is_number(value: Any) -> bool:
@@ -146,28 +146,28 @@ _Channel = _one_or_each(f"one of {', '.join(COLOURS)}", lambda v: v in COLOURS)
 
 
 class _Corrections(_Strict):
-    dark: _Number = None
-    flat: _Flat = None
-    gain: _Positive = None
-    mask: _Mask = None
-    saturation: _Positive = None
-    bit_depth: _BitDepth = None
-    bayer: _Bayer = None
-    channel: _Channel = None
+    dark: Annotated[Any, _Number] = None
+    flat: Annotated[Any, _Flat] = None
+    gain: Annotated[Any, _Positive] = None
+    mask: Annotated[Any, _Mask] = None
+    saturation: Annotated[Any, _Positive] = None
+    bit_depth: Annotated[Any, _BitDepth] = None
+    bayer: Annotated[Any, _Bayer] = None
+    channel: Annotated[Any, _Channel] = None
 
 
 class _Conditions(_Strict):
-    exposure: _Positive = None
-    f_number: _Positive = None
-    transmission: _Transmission = None
+    exposure: Annotated[Any, _Positive] = None
+    f_number: Annotated[Any, _Positive] = None
+    transmission: Annotated[Any, _Transmission] = None
 
 
 class _Calibration(_Conditions):
-    factor: _Positive = None
-    image: _Image = None
-    radiance: _Positive = None
-    region: _Region = None
-    dark: _Number = None
+    factor: Annotated[Any, _Positive] = None
+    image: Annotated[Any, _Image] = None
+    radiance: Annotated[Any, _Positive] = None
+    region: Annotated[Any, _Region] = None
+    dark: Annotated[Any, _Number] = None
 
 
 class _Radiometry(_Conditions):

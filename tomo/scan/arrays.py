@@ -81,4 +81,4 @@ def area_means(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
 
 def all_of_area(usable: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
     """Return the blocks of ``factor`` x ``factor`` pixels that are usable throughout."""
-    return usable if factor == 1 else _blocks(usable, factor).all(axis=(1, 3))
+    return usable if factor == 1 else np.asarray(_blocks(usable, factor).all(axis=(1, 3)))

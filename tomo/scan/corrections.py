@@ -52,16 +52,16 @@ class Corrections:
         too.
     """
 
-    dark: float | Path | Mapping[str, float | Path] | None = None
-    flat: float | Path | Mapping[str, float | Path] | None = None
+    dark: float | Path | NDArray | Mapping[str, float | Path | NDArray] | None = None
+    flat: float | Path | NDArray | Mapping[str, float | Path | NDArray] | None = None
     gain: float | Mapping[str, float] | None = None
-    mask: Path | Mapping[str, Path] | None = None
+    mask: Path | NDArray | Mapping[str, Path | NDArray] | None = None
     saturation: float | Mapping[str, float] | None = None
     bit_depth: int | Mapping[str, int] | None = None
     bayer: str | Mapping[str, str] | None = None
     channel: str | Mapping[str, str] | None = None
 
-    def of(self, correction: str, camera: str) -> float | Path | None:
+    def of(self, correction: str, camera: str) -> Any:
         """Return the value of one correction for one camera; None where there is none."""
         return for_camera(getattr(self, correction), camera)
 
@@ -170,7 +170,7 @@ class Corrections:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
         for name in ("dark", "saturation"):
             value = self.of(name, camera)
-            if isinstance(value, Real) and value > 1 and holds_integers(image):
+            if isinstance(value, Real) and float(value) > 1 and holds_integers(image):
                 where = "" if source is None else f"{source}: "
                 place = image if isinstance(image, Path | FilmFrame) else "the images in memory"
                 raise ValueError(
@@ -183,7 +183,9 @@ class Corrections:
     ) -> NDArray[np.float32] | np.float32 | None:
         """Return a correction as a number, or as an image of the pixels in use; None without."""
         value, mosaic = self._value(name, camera, size), self.mosaic(camera)
-        return mosaic.pixels(value) if mosaic is not None and np.ndim(value) else value
+        if mosaic is None or not isinstance(value, np.ndarray) or not value.ndim:
+            return value
+        return mosaic.pixels(value)
 
     def _value(
         self, name: str, camera: str, size: tuple[int, int]
@@ -222,20 +224,22 @@ class Corrections:
             elif isinstance(image, FilmFrame):
                 place, film = f"{image}: ", image.film.recording
                 check_pattern(image, film.is_mosaic, colours["bayer"])
-                found = image.read(), image, bit_depth or film.bit_depth, usable
-                values, full_scale = intensities_with_full_scale(*found)
+                values, full_scale = intensities_with_full_scale(
+                    image.read(), image, bit_depth or film.bit_depth, usable
+                )
             else:
-                found = image, "image in memory", bit_depth, usable
-                values, full_scale = intensities_with_full_scale(*found)
+                values, full_scale = intensities_with_full_scale(
+                    image, "image in memory", bit_depth, usable
+                )
         except FileNotFoundError as error:
             raise FileNotFoundError(f"camera {camera}: {error}") from error
         except ValueError as error:
             said = f"camera {camera}: {str(error).removeprefix(f'{image}: ')}"
             if is_correction or isinstance(image, np.ndarray):
                 raise ValueError(f"{place}{said}") from error
-            is_file = isinstance(image, Path)
-            path, number = (image, None) if is_file else (image.film.path, image.place)
-            raise FrameError(path, number, said) from error
+            if isinstance(image, Path):
+                raise FrameError(image, None, said) from error
+            raise FrameError(image.film.path, image.place, said) from error
         if values.shape[::-1] != tuple(size):
             raise ValueError(
                 f"{place}camera {camera}: found an image of {values.shape[1]} x "
@@ -272,8 +276,11 @@ def correction_line(correction: str, values: float | Mapping[str, float]) -> str
     """
     import yaml
 
-    each = isinstance(values, Mapping)
-    rounded = {k: float(f"{v:.3g}") for k, v in values.items()} if each else float(f"{values:.3g}")
+    rounded: float | dict[str, float]
+    if isinstance(values, Mapping):
+        rounded = {name: float(f"{value:.3g}") for name, value in values.items()}
+    else:
+        rounded = float(f"{values:.3g}")
     content = {"corrections": {correction: rounded}}
     text = yaml.safe_dump(content, default_flow_style=True, width=math.inf, sort_keys=False)
     return text.strip()[1:-1]

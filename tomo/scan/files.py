@@ -74,7 +74,8 @@ def _load_transforms(path: Path, folder: Path | None) -> Scan:
     if folder is not None and not folder.is_dir():
         raise FileNotFoundError(f"{folder}: no such folder of images")
     rig, listed = load_transforms(path)
-    frames, used = [], {}
+    frames = []
+    used: dict[Any, Any] = {}
     for name, images in listed:
         found = {}
         for camera, image in images.items():
@@ -202,7 +203,7 @@ def _inside(scan_file: Path, text: str, field: str) -> Path:
     """Return the path that a file names, refusing any that leaves the file's folder."""
     folder = scan_file.parent
     posix, windows = PurePosixPath(text), PureWindowsPath(text)
-    leaves = posix.is_absolute() or windows.drive or windows.root
+    leaves = posix.is_absolute() or bool(windows.drive or windows.root)
     leaves = leaves or ".." in posix.parts or ".." in windows.parts
     try:
         leaves = leaves or not (folder / text).resolve().is_relative_to(folder.resolve())

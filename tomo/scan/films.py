@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -141,7 +142,7 @@ def frames_of_films(films: Mapping[str, Film]) -> dict[str, dict[str, FilmFrame]
     stop = max(one.stop for one in ranges.values())
     return {
         str(number): {
-            camera: FilmFrame(film, film.place_of(number))
+            camera: FilmFrame(film, cast("int", film.place_of(number)))
             for camera, film in films.items()
             if number in ranges[camera]
         }

@@ -64,7 +64,7 @@ def counts_of_known_light(
         place = f"{image}: {place}"
     part = _part(region, size, counts.shape, place)
     counts, usable = counts[part], usable[part]
-    allowed = np.ones(counts.shape, bool) if mask is None else mask[part] != 0
+    allowed = np.ones(counts.shape, bool) if mask is None else np.asarray(mask)[part] != 0
     lost = np.count_nonzero(allowed & ~usable)
     if lost:
         raise ValueError(

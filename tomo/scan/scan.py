@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -78,7 +78,8 @@ class Scan:
     truth: Path | NDArray[np.float32] | None = None
     source: Path | None = None
     shrink: int = 1
-    recorded_sizes: Mapping[str, tuple[int, int]] | None = None
+    # None stands for the sizes of the rig, which take its place
+    recorded_sizes: Mapping[str, tuple[int, int]] = None  # type: ignore[assignment]
     effects: Mapping[str, Any] | None = None
     frame_rate: float | None = None
     notes: tuple[str, ...] = ()
@@ -158,8 +159,7 @@ class Scan:
         for name in rig.names:
             if corrections.of("channel", name) and not corrections.of("bayer", name):
                 raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
-        how = {"effects": effects, "radiometry": radiometry}
-        return cls(rig, frames, corrections, grid, truth, **how)
+        return cls(rig, frames, corrections, grid, truth, effects=effects, radiometry=radiometry)
 
     def to_xarray(self, frame: str | None = None) -> DataArray:
         """Return the corrected images of a frame, ``(camera, row, column)``; NaN is not usable.
@@ -210,9 +210,9 @@ class Scan:
         return save_scan(
             folder,
             self.rig,
-            {frame.name: frame.images for frame in self.frames},
+            {frame.name: cast("Mapping[str, NDArray]", frame.images) for frame in self.frames},
             grid=self.grid,
-            truth=self.truth,
+            truth=cast("NDArray | None", self.truth),
             corrections=None if self.corrections == Corrections() else self.corrections,
             effects=self.effects,
             radiometry=self.radiometry,
@@ -338,7 +338,8 @@ class Scan:
                 f"{self._where}scale: found {self.shrink}, expected 1 before a colour"
             )
         corrections = replace(self.corrections, channel=channel, bayer=bayer)
-        return replace(self, corrections=corrections, recorded_sizes=None)
+        none: Any = None  # the sizes of the rig
+        return replace(self, corrections=corrections, recorded_sizes=none)
 
     def recorded_camera(self, camera: CameraLike) -> CameraLike:
         """Return the camera of images as recorded, from one of this scan's images."""
@@ -352,10 +353,9 @@ class Scan:
     def _rig_of_colours(self) -> Rig:
         """Return the rig, its cameras those of one colour where they record mosaics."""
         try:
-            mosaics = {name: self.corrections.mosaic(name) for name in self.rig.names}
+            pairs = [(camera, self.corrections.mosaic(camera.name)) for camera in self.rig]
             cameras = tuple(
-                camera if mosaics[camera.name] is None else mosaics[camera.name].camera(camera)
-                for camera in self.rig
+                camera if mosaic is None else mosaic.camera(camera) for camera, mosaic in pairs
             )
         except ValueError as error:
             raise ValueError(f"{self._where}{error}") from None

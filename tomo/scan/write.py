@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -145,7 +145,7 @@ def plain_corrections(
     return plain(corrections, name), images
 
 
-def check_cameras(path: object, field: str, cameras: Mapping[str, Any], rig: Rig) -> None:
+def check_cameras(path: object, field: str, cameras: Iterable[str], rig: Rig) -> None:
     """Refuse names that are no cameras of the rig; ``path`` and ``field`` say where they stand."""
     for camera in cameras:
         if camera not in rig.names:

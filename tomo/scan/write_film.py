@@ -100,7 +100,7 @@ def writing_film(
                 tifffile.TiffWriter(path, bigtiff=size >= _CLASSIC)
             )
         times = np.arange(frames) / frame_rate
-        truths = VolumeFilm.create(staging / TRUTH, grid, times, rig.length_unit)
+        truths = VolumeFilm.create(staging / TRUTH, grid, times.tolist(), rig.length_unit)
         done = 0
 
         def put(images: Mapping[str, NDArray], truth: NDArray) -> None:

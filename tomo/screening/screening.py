@@ -13,12 +13,12 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import (
     NoiseModel,
-    background,
     below_zero,
     cut_off_level,
     estimate_noise,
     find_outlier_pixels,
 )
+from tomo.measurement.background import background
 from tomo.operators.system import VolumeNotSeenError
 from tomo.scan.corrections import correction_line
 from tomo.screening.left_out_prediction import PredictedViews

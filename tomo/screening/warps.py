@@ -75,7 +75,7 @@ class Fit:
     def refitted(self, measured: Image, where: NDArray[np.bool_]) -> Image:
         """Return the prediction with the amounts fitted to the pixels ``where``, linearised."""
         change = _step(self.slopes[:, where], (measured - self.predicted)[where])
-        return self.predicted + np.tensordot(change, self.slopes, 1)
+        return np.asarray(self.predicted + np.tensordot(change, self.slopes, 1), np.float64)
 
 
 def _step(slopes: NDArray[np.float64], residual: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -83,7 +83,7 @@ def _step(slopes: NDArray[np.float64], residual: NDArray[np.float64]) -> NDArray
     if not np.trace(normal) > 0:
         return np.zeros(len(slopes))
     normal += 1e-6 * np.diag(np.diag(normal)) + 1e-12 * np.trace(normal) * np.eye(len(normal))
-    return np.linalg.solve(normal, slopes @ residual)
+    return np.asarray(np.linalg.solve(normal, slopes @ residual), np.float64)
 
 
 def register_motions(

@@ -97,7 +97,8 @@ def solve_smoothly(
     basis = GaussianBasis(projector, width) if width else None
 
     def report(index: int, unknowns: NDArray[np.float32], residual: float) -> bool | None:
-        return callback(index, basis.to_voxels(unknowns) if basis else unknowns, residual)
+        volume = basis.to_voxels(unknowns) if basis else unknowns
+        return None if callback is None else callback(index, volume, residual)
 
     found = curvature(
         basis or projector,

@@ -23,8 +23,10 @@ from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.operators.view_gains import Gains, geometric_mean
-from tomo.solvers import Solution, cgls, mlem
+from tomo.solvers.cgls import cgls
 from tomo.solvers.initial_volume import mlos_start
+from tomo.solvers.mlem import mlem
+from tomo.solvers.solution import Solution
 from tomo.solvers.subsets import interleaved
 
 DARK = 0.03
@@ -179,8 +181,14 @@ def estimate_gains(
         found = cgls(basis, pixels, iterations=ITERATIONS, nonnegative=False)
         return replace(found, volume=basis.volume(found.volume))
 
-    how = {"rounds": rounds, "offsets": offsets, "reference": reference}
-    return solve_with_gains(quick_solution, projector, measured, **how)[1]
+    return solve_with_gains(
+        quick_solution,
+        projector,
+        measured,
+        rounds=rounds,
+        offsets=offsets,
+        reference=reference,
+    )[1]
 
 
 def solve_with_gains(

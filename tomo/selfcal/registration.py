@@ -275,8 +275,8 @@ class _Fit:
     @classmethod
     def of(
         cls,
-        predicted: NDArray[np.float64],
-        image: NDArray[np.float64],
+        predicted: NDArray[np.floating],
+        image: NDArray,
         mask: NDArray[np.bool_],
         motions: NDArray[np.float64],
         amounts: NDArray[np.float64],
@@ -312,7 +312,7 @@ class _Fit:
         normal = normal / np.outer(size, size)
         if np.linalg.matrix_rank(normal, hermitian=True) < len(normal):
             return infinite
-        variance = self.error / max(np.count_nonzero(self.mask) - len(normal), 1)
+        variance = self.error / max(int(np.count_nonzero(self.mask)) - len(normal), 1)
         return variance * (np.linalg.inv(normal) / np.outer(size, size))[1:, 1:]
 
 

@@ -102,7 +102,8 @@ class Displacement:
         for number, match in enumerate(found):
             if match in determined:
                 amounts = match.amounts - (0, 0, common_zoom)
-                pixels[number] = factor * math.sqrt(max(amounts @ match.squares @ amounts, 0.0))
+                square = float(amounts @ match.squares @ amounts)
+                pixels[number] = factor * math.sqrt(max(square, 0.0))
                 noise[number] = factor * math.sqrt(np.trace(match.squares @ match.covariance))
         return cls(pixels, noise)
 

@@ -154,13 +154,15 @@ def dequantise(images: Images, bits: int, full_scale: float) -> Images:
     return finish([part * step for part in parts])
 
 
-def _open(images: Images, dtype: np.dtype | None = None):
+def _open(images: NDArray | Sequence[NDArray], dtype: np.dtype | None = None):
     """Return the images as float64 arrays, and a function that gives results the input's form.
 
     Results have ``dtype``, or when None the floating type that came in, float32 for integers.
     """
     single = isinstance(images, np.ndarray)
-    originals = [images] if single else [np.asarray(image) for image in images]
+    originals = (
+        [images] if isinstance(images, np.ndarray) else [np.asarray(image) for image in images]
+    )
     if not originals or any(image.size == 0 for image in originals):
         raise ValueError("images: found none or an empty one, expected at least one pixel each")
     for number, image in enumerate(originals):

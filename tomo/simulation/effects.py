@@ -232,7 +232,7 @@ focus_distance=None, aperture_rays=32)
         """Return a camera's aperture; None for a pinhole."""
         if self.aperture == 0:
             return None
-        if self.aperture == OPTICS:
+        if isinstance(self.aperture, str):  # `OPTICS`, as was checked
             return Aperture.of(camera, self.focus_distance)
         focus = self.focus_distance
         if focus is None and camera.optics is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -121,7 +121,7 @@ def simulate_film(
 
     def recorded(number: int, images: Mapping[str, NDArray]) -> dict[str, NDArray]:
         random = np.random.default_rng((seed, number))
-        found = list(images.values())
+        found: Sequence[NDArray] = list(images.values())
         found = noises.noisy(found, random, noise, photons, read_noise, maximum=maximum)
         if bits is not None:
             found = noises.quantise(found, bits, full_scale)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Sequence
+from typing import cast
 
 import numba
 import numpy as np
@@ -21,7 +22,7 @@ from numpy.typing import NDArray
 
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
-from tomo.operators.operator import ProjectionOperator
+from tomo.operators.operator import Matrix, ProjectionOperator
 from tomo.operators.spmv import (
     ADDED_AT_ONCE,
     FORWARD_NANOSECONDS,
@@ -101,9 +102,8 @@ class Block:
         self.projector = projector
         self.measured = measured
         self.per_row = _per_row(projector, weights) if per_row is None else per_row
-        self.per_column = _per_column(_column_sums(projector, weights))
-        if most is not None:
-            self.per_column = np.minimum(self.per_column, most)
+        own = _per_column(_column_sums(projector, weights))
+        self.per_column: NDArray[np.float32] = own if most is None else np.minimum(own, most)
 
     def updated(
         self,
@@ -151,7 +151,7 @@ class _StoredSweep:
     ) -> None:
         order, n_unknowns = np.concatenate(parts), projector.shape[1]
         ptr = np.cumsum([0] + [len(pixels) for pixels in parts])
-        starts, stops, voxel, length = projector.matrix
+        starts, stops, voxel, length = cast("Matrix", projector.matrix)
         self._active = projector.active
         self._matrix = (starts[order], stops[order], voxel, length)
         self._measured = measured[order]

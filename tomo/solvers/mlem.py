@@ -94,7 +94,7 @@ def mlem(
                 if subsets > 1:
                     projected = loss.projector @ x
                 moved = (x * loss.factor(projected)).astype(np.float32)
-                if weight > 0:
+                if prior is not None and weight > 0:
                     moved = prior.proximal_map(loss.step(x), True)(moved, weight, DUAL_STEPS)
                 x = moved
 

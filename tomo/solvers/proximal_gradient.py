@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -130,7 +131,7 @@ def proximal_gradient(
     )
 
 
-def _inverse(curvature: NDArray[np.float32]) -> NDArray[np.float32]:
+def _inverse(curvature: NDArray[np.float32]) -> NDArray[Any]:
     """Return the step of every voxel, damped where it is barely seen; zeros where nothing is."""
     if not curvature.any():
         return np.zeros_like(curvature)

@@ -63,9 +63,11 @@ def noise_of_images(
         images = (seen + noise * random.standard_normal(len(noise))).astype(np.float32)
         again = (system.projector @ solve(images)).astype(np.float32)
         remains = norm(_fine_structure(system, images, again, again)) / norm(noise)
-        noise = noise / min(remains, 1.0) if remains > 1 - MOST_FITTED else None
+        found = noise / min(remains, 1.0) if remains > 1 - MOST_FITTED else None
+    else:
+        found = noise
     alone = _fine_structure(system, measured, None, seen)
-    return alone if noise is None or norm(alone) < CLEARLY * norm(noise) else noise
+    return alone if found is None or norm(alone) < CLEARLY * norm(found) else found
 
 
 def generator(seed: int, number: int) -> np.random.Generator:

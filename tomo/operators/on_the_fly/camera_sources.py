@@ -184,16 +184,16 @@ class GeneratedPixels(PixelSource):
         grid: VoxelGrid | None = None,
     ) -> GeneratedPixels:
         """Return the source of some pixels of a camera, or of all."""
-        pixels = np.arange(math.prod(camera.image_size)) if pixels is None else pixels
-        pixels = np.asarray(pixels, np.int64)
+        every = np.arange(math.prod(camera.image_size)) if pixels is None else pixels
+        numbers = np.asarray(every, np.int64)
         at_once = max(PIXELS_AT_ONCE // rays_of_pixel(supersample, aperture_rays), 1)
         counts = [np.zeros(1, np.int64)]
-        for first in range(0, len(pixels), at_once):
-            some = pixels[first : first + at_once]
+        for first in range(0, len(numbers), at_once):
+            some = numbers[first : first + at_once]
             made = Rays.from_camera(camera, some, supersample, aperture_rays, grid)
             counts.append(np.diff(made.pixel_ptr))
         ptr = np.cumsum(np.concatenate(counts))
-        return cls(camera, pixels, ptr, supersample, aperture_rays, grid)
+        return cls(camera, numbers, ptr, supersample, aperture_rays, grid)
 
     @property
     def n_pixels(self) -> int:

@@ -80,10 +80,11 @@ class ColumnsMet:
     ) -> list[tuple[tuple[int, int], list[Chunk]]]:
         """Return the `even_ranges`, each with the chunks whose rays meet it."""
         first, end = self.spans.T
-        return [
-            ((low, high), [chunks[n] for n in np.flatnonzero((first < high) & (end > low))])
-            for low, high in self.even_ranges(columns, count)
-        ]
+        found = []
+        for low, high in self.even_ranges(columns, count):
+            met = np.flatnonzero((first < high) & (end > low)).tolist()
+            found.append(((low, high), [chunks[number] for number in met]))
+        return found
 
     def even_ranges(self, columns: range, count: int) -> list[tuple[int, int]]:
         """Split ``columns`` into at most ``count`` ranges of about equal work.
@@ -105,7 +106,8 @@ class ColumnsMet:
 def columns_met(chunks: Sequence[Chunk], grid: VoxelGrid, axes: Axes) -> ColumnsMet:
     """Return the columns that the chunks' rays with driving axis ``axes[0]`` meet."""
     n_b = grid.shape[axes[1]]
-    spans, counts = dict.fromkeys(chunks, (0, 0)), [np.zeros(n_b, np.int64)]
+    spans, none = dict.fromkeys(chunks, (0, 0)), np.zeros(n_b, np.int64)
+    counts: list[NDArray[np.int64]] = []
 
     def visit(chunk: Chunk, parameters: NDArray, pixel_ptr: NDArray) -> None:
         inside = parameters[parameters[:, LEAVE] > parameters[:, ENTER]]
@@ -120,7 +122,7 @@ def columns_met(chunks: Sequence[Chunk], grid: VoxelGrid, axes: Axes) -> Columns
             counts.append(np.cumsum(entered) - np.cumsum(left) + left)
 
     project_chunks(chunks, grid, axes, visit)
-    return ColumnsMet(np.array(list(spans.values()), np.int64).reshape(-1, 2), sum(counts))
+    return ColumnsMet(np.array(list(spans.values()), np.int64).reshape(-1, 2), sum(counts, none))
 
 
 def _count(

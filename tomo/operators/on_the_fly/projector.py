@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
+from typing import Any
 
 import numba
 import numpy as np
@@ -136,8 +137,15 @@ class OnTheFlyProjector(ProjectionOperator):
         projector._set(sources, grid, view_ptr, active)
         return projector
 
-    def _set(self, sources, grid, view_ptr, active) -> None:
-        self._sources, self._met = sources, {}
+    def _set(
+        self,
+        sources: tuple[PixelSource, ...],
+        grid: VoxelGrid,
+        view_ptr: ArrayLike | None,
+        active: ActiveVoxels | None,
+    ) -> None:
+        self._sources = sources
+        self._met: dict[Any, Any] = {}
         self._ptr = np.cumsum([0] + [source.n_pixels for source in sources])
         super().__init__(int(self._ptr[-1]), grid, view_ptr, np.float32, active)
 

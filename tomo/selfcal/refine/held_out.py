@@ -152,7 +152,10 @@ def _side(shape: tuple[int, int], count: int = TILES) -> int:
 
 
 def _by_tile(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.bincount(tiles_of(values.shape).ravel(), values.ravel())
+    height, width = values.shape
+    return np.bincount(tiles_of((height, width)).ravel(), values.ravel()).astype(
+        np.float64, copy=False
+    )
 
 
 def _gain(predicted: NDArray, measured: NDArray) -> float:

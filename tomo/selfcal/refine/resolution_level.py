@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
+from operator import matmul
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -68,7 +71,8 @@ class Level:
         masks = training_pixels(self.moments)
         system = LinearSystem.from_rig(rig, self.grid, masks=masks, active=self.active)
         gain = np.repeat(np.exp(parameters[:, GAIN]), np.diff(system.projector.view_ptr))
-        basis, seen, residuals = None, [], []
+        basis: Any = None
+        seen, residuals = [], []
         for moment in self.moments:
             measured = (system.flatten(moment.images) / gain).astype(np.float32)
             volume = first_volume(system.projector, measured)
@@ -101,7 +105,7 @@ class Level:
         for view in self.chosen:
             block = system.projector.view(view)
             span = slice(*system.projector.view_ptr[view : view + 2])
-            geometry = image_derivatives(lambda f, A=block: A @ f, rig[view], gradient, centers)
+            geometry = image_derivatives(partial(matmul, block), rig[view], gradient, centers)
             found.append(np.vstack([geometry, predicted[span]]) * self.lengths[view][:, None])
         return found
 
