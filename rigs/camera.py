@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +73,20 @@ class Camera(OnImage):
     t: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     optics: Optics | None = None
     status: str = "virtual"
+
+    if TYPE_CHECKING:  # arrays may be given in any form; the fields are arrays
+
+        def __init__(
+            self,
+            name: str,
+            image_size: Sequence[int],
+            camera_matrix: ArrayLike,
+            distortion: Distortion = ...,
+            R: ArrayLike = ...,
+            t: ArrayLike = ...,
+            optics: Optics | None = None,
+            status: str = "virtual",
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Check every field and make its arrays read-only."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeGuard
+from typing import TYPE_CHECKING, Protocol, Self, TypeGuard
 
 from numpy.typing import ArrayLike, NDArray
 
@@ -84,31 +84,31 @@ class CameraLike(Protocol):
     def inside(self, uv: ArrayLike) -> NDArray:
         """Return whether pixel coordinates ``(N, 2)`` lie on the image, ``(N,)``."""
 
-    def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> CameraLike:
+    def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> Self:
         """Return the camera, where it `has_pose`, with other intrinsics and another pose."""
 
-    def renamed(self, name: str) -> CameraLike:
+    def renamed(self, name: str) -> Self:
         """Return the camera under another name."""
 
-    def scaled(self, scale: float) -> CameraLike:
+    def scaled(self, scale: float) -> Self:
         """Return the camera of the image resized by ``scale``."""
 
-    def cropped(self, x: int, y: int, width: int, height: int) -> CameraLike:
+    def cropped(self, x: int, y: int, width: int, height: int) -> Self:
         """Return the camera of a window of the image."""
 
-    def rotated(self, degrees: int) -> CameraLike:
+    def rotated(self, degrees: int) -> Self:
         """Return the camera of the image turned clockwise by 90, 180 or 270 degrees."""
 
-    def shrunk(self, factor: int) -> CameraLike:
+    def shrunk(self, factor: int) -> Self:
         """Return the camera of area means over ``factor`` x ``factor`` pixels."""
 
-    def shifted(self, right: float, down: float) -> CameraLike:
+    def shifted(self, right: float, down: float) -> Self:
         """Return the camera whose image lies that many pixels further right and down."""
 
-    def transformed(self, R: ArrayLike, t: ArrayLike) -> CameraLike:
+    def transformed(self, R: ArrayLike, t: ArrayLike) -> Self:
         """Return the camera after the rigid motion ``x_new = R @ x_old + t`` of the world."""
 
-    def with_lengths_scaled(self, factor: float) -> CameraLike:
+    def with_lengths_scaled(self, factor: float) -> Self:
         """Return the camera of a world whose lengths are ``factor`` times as large."""
 
 

@@ -71,7 +71,7 @@ def ring(
     cameras = []
     for index, position in enumerate(positions):
         R, t = look_at(position, center, UP)
-        K = np.array(pinhole_matrix(image_size, focal[index], focal[index]))
+        K = pinhole_matrix(image_size, focal[index], focal[index])
         cameras.append(Camera(f"cam{index:02d}", image_size, K, R=R, t=t))
     world = "x and z level, y up, origin as given to the layout; camera 0 on the +z side"
     return Rig(tuple(cameras), length_unit, world, volume)

@@ -32,7 +32,7 @@ def text_of(file: Path) -> str:
     entries = _ENTRIES[file.stem]
     with file.open("rb") as stream:
         (count,) = _unpacked(stream, "Q")
-        lines = []
+        lines: list[str] = []
         for _ in range(count):
             lines += entries(stream)
         if stream.read(1):

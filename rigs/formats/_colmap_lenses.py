@@ -111,7 +111,7 @@ def read_sensor(number: str, words: Sequence[str]) -> Sensor:
         values = dict(zip(parameters, numbers_of_line(words[3:], parameters), strict=True))
         size = as_count(words[1], "WIDTH"), as_count(words[2], "HEIGHT")
         distortion = _lens_of(model, values)
-        fx, fy = (values.get(key, values.get("f")) for key in ("fx", "fy"))
+        fx, fy = (values[key if key in values else "f"] for key in ("fx", "fy"))
         K = [[fx, 0.0, values["cx"] - 0.5], [0.0, fy, values["cy"] - 0.5], [0.0, 0.0, 1.0]]
     camera = Camera(number, size, K, distortion or Distortion(), status="calibrated")
     return Sensor(camera, None if distortion else (model, tuple(values.items())))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import LensCamera
 from rigs.files.text import shortened
 from rigs.formats._lens import named_model, refuse_skew
 from rigs.formats._values import rotation_of_motion
@@ -54,7 +55,7 @@ def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
         raise ValueError(str(error).removeprefix("camera entry: ")) from None
 
 
-def camera_entry(camera: Camera) -> dict[str, Any]:
+def camera_entry(camera: LensCamera) -> dict[str, Any]:
     """Return the entry of a camera, the inverse of `entry_camera`."""
     refuse_skew(camera, "transforms.json")
     model, coefficients = named_model(camera, "transforms.json")

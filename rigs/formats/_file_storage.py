@@ -132,7 +132,8 @@ def turn(entry: Mapping[str, Any]) -> NDArray:
     values = vector(entry, TURN)
     if len(values) == 3:
         return matrix_of_vector(values)
-    return as_rotation(values.reshape(3, 3) if len(values) == 9 else entry[key], key)
+    name = key or TURN[0]  # `vector` found one of them
+    return as_rotation(values.reshape(3, 3) if len(values) == 9 else entry[name], name)
 
 
 def size_of(entry: Mapping[str, Any]) -> tuple[int, int] | None:

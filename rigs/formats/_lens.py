@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
+from numpy.typing import ArrayLike
 
-from rigs.camera import Camera
+from rigs.camera_protocol import LensCamera, has_lens
 from rigs.lens import Distortion
 from rigs.rig import Rig
 
@@ -14,7 +13,7 @@ from rigs.rig import Rig
 _BY_LENGTH = {4: "brown", 5: "brown", 8: "rational", 12: "thin_prism", 14: "tilted"}
 
 
-def from_vector(coefficients: Sequence[float], fisheye: bool, what: str) -> Distortion:
+def from_vector(coefficients: ArrayLike, fisheye: bool, what: str) -> Distortion:
     """Return the lens of OpenCV's vector; where all are zero, and it is no fisheye, none."""
     values = np.asarray(coefficients, np.float64).reshape(-1)
     if fisheye:
@@ -31,23 +30,29 @@ def from_vector(coefficients: Sequence[float], fisheye: bool, what: str) -> Dist
     return Distortion(_BY_LENGTH[len(values)], tuple(values))
 
 
-def refuse_tables(rig: Rig, format_name: str) -> None:
-    """Raise if a camera is a table of rays, or looks through a scene: few formats hold those."""
+def refuse_tables(rig: Rig, format_name: str) -> list[LensCamera]:
+    """Return the cameras, or raise if one is a table of rays or looks through a scene.
+
+    Few formats hold those.
+    """
     if rig.scene is not None:
         raise ValueError(
             f"scene: found {', '.join(solid.name for solid in rig.scene.solids) or 'none'}, which "
             f"{format_name} lacks: write a rig.yaml, with --ray-tables for programs that know no "
             "scene"
         )
+    cameras: list[LensCamera] = []
     for camera in rig:
-        if not camera.has_lens_model:
+        if not has_lens(camera):
             raise ValueError(
                 f"camera {camera.name}: ray_table: found a table of rays, "
                 f"which {format_name} lacks"
             )
+        cameras.append(camera)
+    return cameras
 
 
-def refuse_skew(camera: Camera, format_name: str) -> None:
+def refuse_skew(camera: LensCamera, format_name: str) -> None:
     """Raise if the pixels' axes are skewed, which many formats cannot hold."""
     skew = float(camera.camera_matrix[0, 1])
     if skew != 0:
@@ -56,7 +61,7 @@ def refuse_skew(camera: Camera, format_name: str) -> None:
         )
 
 
-def refuse_lens(camera: Camera, format_name: str) -> None:
+def refuse_lens(camera: LensCamera, format_name: str) -> None:
     """Raise because a format cannot hold a camera's lens."""
     raise ValueError(
         f"camera {camera.name}: distortion: found model {camera.distortion.model} "
@@ -64,7 +69,7 @@ def refuse_lens(camera: Camera, format_name: str) -> None:
     )
 
 
-def named_model(camera: Camera, format_name: str) -> tuple[str, dict[str, float]]:
+def named_model(camera: LensCamera, format_name: str) -> tuple[str, dict[str, float]]:
     """Return the name that COLMAP and nerfstudio give a lens, and its coefficients by name.
 
     A model whose further coefficients are zero is written as the shorter one that is the same.

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike
 from rigs.geometry.rays import nearest_point
 from rigs.geometry.rotation import upper_times_rotation
 
@@ -60,7 +61,7 @@ def camera_of_matrix(P: NDArray[np.float64], name: str, image_size: tuple[int, i
     return camera
 
 
-def look_away(cameras: Sequence[Camera]) -> bool | None:
+def look_away(cameras: Sequence[CameraLike]) -> bool | None:
     """Return whether the point where the axes meet lies behind the cameras; None if undecided.
 
     It does where a matrix's rows count from the image's bottom: mirrored images turn a camera

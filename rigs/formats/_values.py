@@ -45,7 +45,7 @@ def errors_of_file(path: str | PathLike) -> Iterator[None]:
         raise ValueError(line if named else f"{path}: {line}") from None
 
 
-def as_number(found: object, what: str) -> float:
+def as_number(found: Any, what: str) -> float:
     """Return ``found`` as a finite number; YAML 1.1's text ``1e-5`` is accepted too."""
     try:
         number = math.nan if isinstance(found, bool) else float(found)

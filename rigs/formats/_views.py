@@ -11,6 +11,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from rigs.camera import Camera
+from rigs.camera_protocol import LensCamera
 
 Frames = list[tuple[str, dict[str, Path]]]
 
@@ -94,8 +95,9 @@ def _kinds(cameras: Sequence[Camera]) -> list[int]:
     """
     sums = []
     for camera in cameras:
-        values = [camera.camera_matrix.ravel(), camera.R.ravel(), camera.t, camera.image_size]
-        values = np.concatenate([*values, camera.distortion.coefficients])
+        K, R = camera.camera_matrix.ravel(), camera.R.ravel()
+        lens = camera.distortion.coefficients
+        values = np.concatenate([K, R, camera.t, camera.image_size, lens])
         sums.append(float(values @ np.sqrt(np.arange(2.0, 2 + len(values)))))
     kinds, last = [0] * len(cameras), None
     for index in np.argsort(sums, kind="stable").tolist():
@@ -136,7 +138,7 @@ def grouped(
     return renamed, list(frames.items())
 
 
-def difference(camera: Camera, other: Camera) -> str:
+def difference(camera: LensCamera, other: LensCamera) -> str:
     """Return the name of the first field in which two cameras differ, or nothing."""
     for field in ("image_size", "distortion"):
         if getattr(camera, field) != getattr(other, field):

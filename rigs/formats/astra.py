@@ -21,7 +21,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rigs.camera import Camera
+from rigs.camera_protocol import LensCamera
 from rigs.files.text import write_text
 from rigs.formats._lens import refuse_lens, refuse_tables
 from rigs.rig import Rig
@@ -35,13 +35,13 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera with a lens, or of another image size than the first.
     """
-    refuse_tables(rig, "ASTRA")
+    cameras = refuse_tables(rig, "ASTRA")
     if not len(rig):
         raise ValueError("cameras: found none, expected at least one")
     center = np.array(rig.volume.center if rig.volume else (0.0, 0.0, 0.0))
     columns, rows = rig[0].image_size
     vectors = []
-    for camera in rig:
+    for camera in cameras:
         if camera.image_size != (columns, rows):
             raise ValueError(
                 f"camera {camera.name}: image_size: found {camera.image_size}, expected "
@@ -59,7 +59,7 @@ def save(rig: Rig, path: Path) -> None:
     write_text(path, json.dumps(data, indent=1, ensure_ascii=False) + "\n")
 
 
-def vector(camera: Camera, center: np.ndarray) -> list[float]:
+def vector(camera: LensCamera, center: np.ndarray) -> list[float]:
     """Return the twelve numbers of a pinhole; the detector is at the depth of ``center``."""
     if any(camera.distortion.coefficients):
         refuse_lens(camera, "ASTRA")

@@ -129,7 +129,8 @@ def _size(values: Mapping[str, Any], image_size: tuple[int, int] | None) -> tupl
     else:
         return required_size(image_size, "these Blender")
     percentage = _number(values, "resolution_percentage", 100)
-    return tuple(as_count(int(n * percentage / 100), "resolution_percentage") for n in size)
+    width, height = (as_count(int(n * percentage / 100), "resolution_percentage") for n in size)
+    return width, height
 
 
 def _intrinsics(

@@ -22,7 +22,7 @@ from pathlib import Path, PurePosixPath
 import numpy as np
 
 from rigs.camera import Camera
-from rigs.camera_protocol import CameraLike
+from rigs.camera_protocol import CameraLike, LensCamera, has_lens
 from rigs.files.text import iter_lines, shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._colmap_binary import text_of
@@ -92,7 +92,7 @@ def _load(folder: Path, ending: str) -> Rig:
         if rigs.is_file() and _is_moving(names, cameras):
             return _rig_of_sensors(rigs, sensors, dict(zip(numbers, names, strict=True)))
         found, _ = grouped(folder, images, cameras, names, frames, _FIELDS)
-        lenses = {}
+        lenses: dict[str, Sensor] = {}
         for name, number in zip(names, numbers, strict=True):
             if lenses.setdefault(name, sensors[number]).rays_of != sensors[number].rays_of:
                 raise ValueError(f"camera {name}: PARAMS: differs between its images")
@@ -111,9 +111,9 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera whose lens or skew COLMAP lacks.
     """
-    refuse_tables(rig, "COLMAP")
+    cameras = refuse_tables(rig, "COLMAP")
     folder = path.parent if path.name in _FILES else path
-    lines = [_camera_line(index, camera) for index, camera in enumerate(rig, 1)]
+    lines = [_camera_line(index, camera) for index, camera in enumerate(cameras, 1)]
     images = [
         f"{index} {pose_text(camera.R, camera.t)} {index} {camera.name}.png\n"
         for index, camera in enumerate(rig, 1)
@@ -168,13 +168,8 @@ def _endings(path: Path, folder: Path) -> list[str]:
 def _same(rig: Rig, other: Rig) -> bool:
     """Return whether two rigs have the same cameras, in any order."""
     return set(rig.names) == set(other.names) and all(
-        camera == other[camera.name]
-        or (
-            camera.has_lens_model
-            and other[camera.name].has_lens_model
-            and not difference(camera, other[camera.name])
-        )
-        for camera in rig
+        camera == twin or (has_lens(camera) and has_lens(twin) and not difference(camera, twin))
+        for camera, twin in ((camera, other[camera.name]) for camera in rig)
     )
 
 
@@ -256,7 +251,7 @@ def _rig_of_sensors(file: Path, sensors: dict[int, Sensor], names: dict[int, str
         return Rig(tuple(cameras), UNKNOWN, "the reference sensor's axes")
 
 
-def _camera_line(number: int, camera: Camera) -> str:
+def _camera_line(number: int, camera: LensCamera) -> str:
     """Return a camera's line of ``cameras.txt``."""
     refuse_skew(camera, "COLMAP")
     model, coefficients = named_model(camera, "COLMAP")

@@ -137,13 +137,13 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         _check(path, images, lost, scaled)
         names, frames = named(images, cameras, [None] * len(images), path.stem)
         found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
-        world = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
+        frame = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
         rays: list[CameraLike] = []
         for camera in found:
             rays.append(_with_rays(camera, lenses[names.index(camera.name)]))
             check_tables(rays)
         is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
-        return Rig(tuple(rays), "m" if is_metric else UNKNOWN, world)
+        return Rig(tuple(rays), "m" if is_metric else UNKNOWN, frame)
 
 
 def _check(path: Path, images: list, lost: list[str], scaled: set[bool]) -> None:
@@ -225,7 +225,7 @@ def _sensor(sensor: Element) -> Sensor:
     resolution = sensor.find("resolution") if resolution is None else resolution
     if resolution is None:
         raise ValueError("resolution: missing, expected width and height")
-    size = tuple(as_count(resolution.get(key), key) for key in ("width", "height"))
+    size = as_count(resolution.get("width"), "width"), as_count(resolution.get("height"), "height")
     f = _number(calibration, "f", None)
     cx, cy, b1, b2 = (_number(calibration, key, 0.0) for key in ("cx", "cy", "b1", "b2"))
     lens = {key: _number(calibration, key, 0.0) for key in _LENS}

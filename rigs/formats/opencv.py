@@ -32,6 +32,7 @@ from typing import Any
 import numpy as np
 
 from rigs.camera import Camera
+from rigs.camera_protocol import LensCamera
 from rigs.files.text import shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import (
@@ -94,7 +95,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     """
     path = Path(path)
     if path.is_dir():
-        entries, unit = {}, UNKNOWN
+        entries: dict[str, Any] = {}
+        unit = UNKNOWN
         for file in _files_of(path):
             data = read_storage(file)
             if any(pair[0] in data for pair in _STEREO):
@@ -140,13 +142,13 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera with skew, which OpenCV's functions ignore.
     """
-    refuse_tables(rig, "OpenCV")
-    for camera in rig:
+    cameras = refuse_tables(rig, "OpenCV")
+    for camera in cameras:
         refuse_skew(camera, "OpenCV")
     if path.suffix in _SUFFIXES:
         write_text(path, _text(rig, path))
         return
-    for index, camera in enumerate(rig):
+    for index, camera in enumerate(cameras):
         file = path / f"{camera.name}.yml"
         write_text(file, _text(rig[index : index + 1], file))
 
@@ -157,14 +159,15 @@ def _text(rig: Rig, path: Path) -> str:
 
     kinds = {".json": cv2.FILE_STORAGE_FORMAT_JSON, ".xml": cv2.FILE_STORAGE_FORMAT_XML}
     kind = kinds.get(path.suffix, cv2.FILE_STORAGE_FORMAT_YAML)
+    cameras = refuse_tables(rig, "OpenCV")
     storage = cv2.FileStorage(path.name, cv2.FILE_STORAGE_WRITE | cv2.FILE_STORAGE_MEMORY | kind)
     try:
         storage.write("length_unit", rig.length_unit)
-        if len(rig) == 1:
-            _write_camera(storage, rig[0])
+        if len(cameras) == 1:
+            _write_camera(storage, cameras[0])
         else:
             storage.startWriteStruct("cameras", cv2.FILE_NODE_SEQ)
-            for camera in rig:
+            for camera in cameras:
                 storage.startWriteStruct("", cv2.FILE_NODE_MAP)
                 _write_camera(storage, camera)
                 storage.endWriteStruct()
@@ -226,7 +229,7 @@ def _stereo(path: Path, data: dict[str, Any], image_size: tuple[int, int] | None
     return Rig(tuple(cameras), unit, "the left camera's axes")
 
 
-def _write_camera(storage: Any, camera: Camera) -> None:
+def _write_camera(storage: Any, camera: LensCamera) -> None:
     """Write the entries of a camera into the open structure of a ``cv2.FileStorage``."""
     coefficients = camera.distortion.coefficients or (0.0,) * 5
     storage.write("name", camera.name)

@@ -27,7 +27,7 @@ from xml.sax.saxutils import escape
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.camera import Camera
+from rigs.camera_protocol import LensCamera
 from rigs.files.text import write_text
 from rigs.formats._lens import refuse_lens, refuse_skew, refuse_tables
 from rigs.rig import Rig
@@ -43,10 +43,10 @@ def save(rig: Rig, path: Path) -> None:
     ValueError
         Naming a camera with a lens or skew, or one that does not fit into the stack of the first.
     """
-    refuse_tables(rig, "RTK")
-    if not len(rig):
+    cameras = refuse_tables(rig, "RTK")
+    if not cameras:
         raise ValueError("cameras: found none, expected at least one")
-    for camera in rig:
+    for camera in cameras:
         if any(camera.distortion.coefficients):
             refuse_lens(camera, "RTK")
         refuse_skew(camera, "RTK")
@@ -54,11 +54,11 @@ def save(rig: Rig, path: Path) -> None:
         write_text(path, _text(rig))
         return
     path.mkdir(parents=True, exist_ok=True)
-    for index, camera in enumerate(rig):
+    for index, camera in enumerate(cameras):
         write_text(path / f"{camera.name}.xml", _text(rig[index : index + 1]))
 
 
-def parameters(camera: Camera) -> dict[str, float]:
+def parameters(camera: LensCamera) -> dict[str, float]:
     """Return RTK's nine parameters of a pinhole, angles in degrees."""
     (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2].tolist()
     axes = _axes(camera)  # rows: right, up, towards the source
@@ -78,7 +78,7 @@ def parameters(camera: Camera) -> dict[str, float]:
     }
 
 
-def matrix(camera: Camera) -> NDArray[np.float64]:
+def matrix(camera: LensCamera) -> NDArray[np.float64]:
     """Return the projection matrix ``(3, 4)`` onto (u, v) in length units."""
     p = parameters(camera)
     shift = np.eye(3)
@@ -92,7 +92,7 @@ def matrix(camera: Camera) -> NDArray[np.float64]:
     return shift @ magnify @ motion
 
 
-def _axes(camera: Camera) -> NDArray[np.float64]:
+def _axes(camera: LensCamera) -> NDArray[np.float64]:
     """Return the detector's axes as rows ``(3, 3)``: right, up and towards the source."""
     return np.diag([1.0, -1.0, -1.0]) @ camera.R
 
@@ -105,7 +105,7 @@ def _angles(axes: NDArray[np.float64]) -> tuple[float, float, float]:
         about_z = math.atan2(-axes[0, 1], axes[1, 1])
     else:  # straight up or down only the sum of the two is determined
         about_y, about_z = math.atan2(axes[0, 2], axes[0, 0]), 0.0
-    return tuple(-math.degrees(angle) for angle in (about_y, math.asin(sin), about_z))
+    return -math.degrees(about_y), -math.degrees(math.asin(sin)), -math.degrees(about_z)
 
 
 def _text(rig: Rig) -> str:
@@ -115,7 +115,7 @@ def _text(rig: Rig) -> str:
     for camera in rig:
         ratio = camera.camera_matrix[0, 0] / camera.camera_matrix[1, 1]
         if camera.image_size != first.image_size:
-            field, found, expected = "image_size", camera.image_size, first.image_size
+            field, found, expected = "image_size", f"{camera.image_size}", f"{first.image_size}"
         else:
             field, found, expected = "camera_matrix", f"fx / fy = {ratio:.9g}", f"{spacing:.9g}"
         if field == "image_size" or abs(ratio - spacing) > _SAME_RATIO * spacing:
@@ -123,7 +123,7 @@ def _text(rig: Rig) -> str:
                 f"camera {camera.name}: {field}: found {found}, expected {expected} as of camera "
                 f"{first.name}: RTK has one pixel shape per stack; write a folder of one XML each"
             )
-    projections = "".join(_projection(camera) for camera in rig)
+    projections = "".join(_projection(camera) for camera in refuse_tables(rig, "RTK"))
     return (
         '<?xml version="1.0"?>\n<!DOCTYPE RTKGEOMETRY>\n'
         '<RTKThreeDCircularGeometry version="3">\n'
@@ -134,7 +134,7 @@ def _text(rig: Rig) -> str:
     )
 
 
-def _projection(camera: Camera) -> str:
+def _projection(camera: LensCamera) -> str:
     """Return the element of a camera."""
     values = "".join(
         f"    <{name}>{value!r}</{name}>\n" for name, value in parameters(camera).items()

@@ -134,8 +134,8 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
     A rational lens is FULL_OPENCV here, as in COLMAP; nerfstudio refuses it.
     """
     path = Path(path)
-    refuse_tables(rig, "transforms.json")
-    entries = {camera.name: camera_entry(camera) for camera in rig}
+    cameras = refuse_tables(rig, "transforms.json")
+    entries = {camera.name: camera_entry(camera) for camera in cameras}
     if frames is None:
         views = [(name, PurePosixPath("images", f"{name}.png")) for name in rig.names]
     else:

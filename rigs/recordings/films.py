@@ -136,7 +136,7 @@ def open_recording(path: str | os.PathLike, raw: RawLayout | None = None) -> Rec
             from rigs.recordings.layout import images_in
 
             return _reader(name, "ImageSequence")(images_in(file), file)
-        found = next(one for one in FILM_FORMATS if one.module == name)
+        found = next((one for one in FILM_FORMATS if one.module == name), None)
     else:
         suffix = file.suffix.lower()
         found = next((one for one in FILM_FORMATS if suffix in one.suffixes), None)

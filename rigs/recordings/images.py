@@ -62,8 +62,15 @@ def read_image(
     FileNotFoundError
         If there is no such file.
     """
-    how = {"channel": channel, "bayer": bayer, "must_have_channel": must_have_channel}
-    return read_with_full_scale(path, bit_depth, usable, **how)[0]
+    image, _ = read_with_full_scale(
+        path,
+        bit_depth,
+        usable,
+        channel=channel,
+        bayer=bayer,
+        must_have_channel=must_have_channel,
+    )
+    return image
 
 
 def read_with_full_scale(
@@ -150,7 +157,7 @@ def is_integer_image(path: str | os.PathLike) -> bool:
             return True
         file.seek(0)
         with errors_of_libraries(f"{path}: not a readable image"), tiff_page(file) as page:
-            return page.dtype.kind in "biu"
+            return np.dtype(page.dtype).kind in "biu"
 
 
 def _intensities(
@@ -190,6 +197,6 @@ def _scaled(
             + (f" with bit_depth {bit_depth}" if bit_depth is not None else "")
         )
     exact = np.float64 if stored_bits > 16 else np.float32  # numbers that float32 would round
-    image = stored.astype(exact)
+    image: NDArray = stored.astype(exact)
     image /= exact(full_scale)
     return image.astype(np.float32, copy=False), full_scale

@@ -106,11 +106,17 @@ def _pattern_around(path: str, cameras: Sequence[str]) -> str | None:
     return None
 
 
+def _to_word(text: str) -> str:
+    """Return a text up to and with its last sign that is not of a word."""
+    found = re.match(r".*[\W_]", text)
+    return found[0] if found else ""
+
+
 def _pattern_between(paths: Sequence[str]) -> str | None:
     """Return the pattern of paths that differ in one word; None where numbers differ too."""
-    start = re.match(r".*[\W_]|", _common_start(paths))[0]
+    start = _to_word(_common_start(paths))
     backwards = _common_start([path[::-1] for path in paths])
-    end = re.match(r".*[\W_]|", backwards)[0][::-1]
+    end = _to_word(backwards)[::-1]
     words = {path[len(start) : len(path) - len(end)] for path in paths}
     if len(words) < 2 or any(re.search(r"\d|/", word) or not word for word in words):
         return None
@@ -133,8 +139,9 @@ def _by_names(
         folders = [path for path in folders if path.name in cameras]
     for camera in folders:
         images = images_in(camera, suffixes)
-        names = [_frame_of(path.stem, camera.name) for path in images]
-        if None in names:  # the camera's name is in some by chance
+        frames = [_frame_of(path.stem, camera.name) for path in images]
+        names = [frame for frame in frames if frame is not None]
+        if len(names) < len(images):  # the camera's name is in some by chance
             names = [path.stem for path in images]
         yield from zip([camera.name] * len(images), names, images, strict=True)
     loose = [path for path in inside if _is_image(path, suffixes)]
@@ -144,11 +151,11 @@ def _by_names(
             yield from _numbered(loose)
         return
     for path in loose:
-        for camera in sorted(cameras, key=len, reverse=True):
-            frame = _frame_of(path.stem, camera)
+        for name in sorted(cameras, key=len, reverse=True):
+            frame = _frame_of(path.stem, name)
             if frame is not None:
-                if camera not in taken:
-                    yield camera, frame, path
+                if name not in taken:
+                    yield name, frame, path
                 break
 
 
@@ -181,12 +188,14 @@ def _numbered(paths: Sequence[Path]) -> Iterable[tuple[str, str, Path]]:
     ``left_pose_01`` and ``right_pose_01``.
     """
     numbered = re.compile(r"(.*[^\d_\-. ].*)[_\-. ]+(\d+)")
-    split = [numbered.fullmatch(path.stem) for path in paths]
-    if None in split:
+    matches = [numbered.fullmatch(path.stem) for path in paths]
+    split = [match for match in matches if match is not None]
+    if len(split) < len(matches):
         return
     before = {match[1].rstrip(_BETWEEN) for match in split}
     end = _common_start([name[::-1] for name in before])[::-1] if len(before) > 1 else ""
-    words = re.search(r"[_\-. ].*|$", end)[0]
+    found = re.search(r"[_\-. ].*|$", end)
+    words = found[0] if found else ""
     for path, match in zip(paths, split, strict=True):
         camera = match[1].rstrip(_BETWEEN).removesuffix(words)
         yield camera, path.stem[len(camera) :].lstrip(_BETWEEN), path

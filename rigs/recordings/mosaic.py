@@ -117,4 +117,5 @@ def without_pattern(image: NDArray) -> NDArray[np.float32]:
 
     kernel = np.array([1, 2, 1], np.float32) / 4
     found = image.astype(np.float32)
-    return cv2.sepFilter2D(found, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
+    smooth = cv2.sepFilter2D(found, cv2.CV_32F, kernel, kernel, borderType=cv2.BORDER_REFLECT_101)
+    return np.asarray(smooth, np.float32)

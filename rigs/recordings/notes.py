@@ -6,9 +6,13 @@ import contextlib
 import os
 from collections import Counter
 from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, cast
 
 from rigs.recordings.stills import header_of
 from rigs.recordings.tiff import TIFF_MARKS, image_page, opened_tiff
+
+if TYPE_CHECKING:
+    import tifffile
 
 _ORIENTATION = 274  # the tag's number in TIFF and in EXIF
 _VIEWS = {
@@ -69,12 +73,16 @@ def _said_by(path: str | os.PathLike) -> list[str]:
     with contextlib.suppress(Exception), open(path, "rb") as file:
         is_tiff = file.read(2) in TIFF_MARKS
         file.seek(0)
-        orientation, kind = 1, "TIFF"
+        orientation = 1
+        kind: str | None = "TIFF"
         if is_tiff:
             with opened_tiff(file) as opened:
                 page = image_page(opened)
                 orientation = page.tags.valueof(_ORIENTATION, 1)
-                others = opened.pages[0], opened.pages.get(1, default=page)
+                others = [
+                    opened.pages.first,
+                    cast("tifffile.TiffPage", opened.pages.get(1, default=page)),
+                ]
                 if any(one.shape != page.shape and not one.subfiletype for one in others):
                     said.append(
                         f"the page of {page.imagewidth} x {page.imagelength} pixels is the image; "

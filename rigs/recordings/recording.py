@@ -118,6 +118,7 @@ def needs(package: str, path: Path) -> ModuleType:
 class Reopened:
     """A recording that a pickle opens again: what `_opened_by` names is called once more."""
 
+    path: Path
     is_mosaic: bool = False
 
     def _opened_by(self) -> tuple:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,7 @@ PIXEL_TYPES = (
 )
 """Kinds of pixels. Those of 10 and 12 bits are packed without gaps, the high bits first."""
 
-BYTE_ORDERS = {"little": "<", "big": ">"}
+BYTE_ORDERS: dict[str, Literal["<", ">"]] = {"little": "<", "big": ">"}
 _PACKED = {"uint10": (5, 4), "uint12": (3, 2)}  # bytes, and the pixels in them
 
 

@@ -9,7 +9,7 @@ import operator
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import TYPE_CHECKING, BinaryIO
+from typing import TYPE_CHECKING, BinaryIO, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,15 +133,15 @@ def image_page(file: tifffile.TiffFile) -> tifffile.TiffPage:
     """Return the one page that is no thumbnail and no mask, see `tiff_page`."""
     if not file.pages:
         raise ValueError("found no page, expected one")
-    pages = [file.pages[0]]
+    pages = [file.pages.first]
     while len(pages) <= _MOST_PAGES:
-        page = file.pages.get(len(pages), default=pages[0])
+        page = cast("tifffile.TiffPage", file.pages.get(len(pages), default=pages[0]))
         if page is pages[0]:
             break
         pages.append(page)
     whole = [page for page in pages if not page.subfiletype & (_REDUCED | _MASK)]
     if not whole:  # raw files of cameras: the thumbnail comes first and holds the image
-        inner = [one for page in pages for one in page.pages or ()]
+        inner = [cast("tifffile.TiffPage", one) for page in pages for one in page.pages or ()]
         whole = [page for page in inner if not page.subfiletype & (_REDUCED | _MASK)]
     if not whole:
         raise ValueError("found only thumbnails, expected an image")
@@ -194,5 +194,5 @@ def _check_segments(page: tifffile.TiffPage, size: int) -> None:
         raise ValueError("found a strip without bytes, expected all of the image: damaged")
     claimed = page.nbytes
     if page.is_tiled:  # each tile is decoded whole, though the image ends inside it
-        claimed = math.prod(page.chunks) * expected * page.dtype.itemsize
+        claimed = math.prod(page.chunks) * expected * np.dtype(page.dtype).itemsize
     check_claim(claimed, size)

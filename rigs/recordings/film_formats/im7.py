@@ -57,7 +57,8 @@ class Im7(Reopened):
         self.paths = im7_files(self.path)
         if not self.paths:
             raise ValueError(f"{self.path}: found no .im7 file, expected one a moment")
-        self._lock, self._last = threading.Lock(), (-1, None)
+        self._lock = threading.Lock()
+        self._last: tuple[int, NDArray] = -1, np.zeros(0)  # the file read last, and its frames
         with errors_of_libraries(f"{self.paths[0]}: not a readable image of DaVis"):
             self.image_size, self._each, self._type, _ = _header(self.paths[0])
         self.n_frames = len(self.paths) * self._each

@@ -6,6 +6,7 @@ import contextlib
 import os
 import threading
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,9 @@ from numpy.typing import NDArray
 from rigs.files.size_guard import errors_of_libraries
 from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors
 from rigs.recordings.tiff import bits_of, decoded, is_pattern, opened_tiff, silent_log
+
+if TYPE_CHECKING:
+    import tifffile
 
 
 class TiffStack(Reopened):
@@ -43,7 +47,7 @@ class TiffStack(Reopened):
             self.n_frames = len(self._file.pages)
             if not self.n_frames:
                 raise ValueError("found no page, expected frames")
-            first = self._file.pages[0]
+            first = self._file.pages.first
             self.image_size = (first.imagewidth, first.imagelength)
             self.bit_depth = bits_of(first)
             self.is_mosaic = is_pattern(first)
@@ -52,7 +56,7 @@ class TiffStack(Reopened):
         """Return a frame, see `Recording.read`."""
         check_index(self.path, index, self.n_frames)
         with frame_errors(self.path, index), self._lock, silent_log("tifffile"):
-            page = self._file.pages.get(index, aspage=True)
+            page = cast("tifffile.TiffPage", self._file.pages.get(index, aspage=True))
             image = decoded(page, self._bytes).grey()
         check_size(self.path, index, image, self.image_size)
         return image

@@ -5,6 +5,7 @@ from __future__ import annotations
 import bisect
 import os
 import threading
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -47,9 +48,10 @@ class Video(Reopened):
         self._av = needs("av", self.path)
         self._lock = threading.Lock()
         self._open: av.container.InputContainer | None = None
-        self._next, self._pictures = 0, iter(())
+        self._next = 0
+        self._pictures: Iterator[av.VideoFrame] = iter(())
         self._times: list[int] = []  # when pictures are shown, in the file's units
-        self._places: dict[int, int] = {}  # the picture that is shown at a time
+        self._places: dict[int | None, int] = {}  # the picture that is shown at a time
         self._keys: list[int] = []  # pictures that depend on no other
         with errors_of_libraries(f"{self.path}: not a readable video"):
             with self._opened() as file:
@@ -130,11 +132,14 @@ class Video(Reopened):
         count = len(packets)
         if not count or count < (1 - _MISSING) * stated:
             raise ValueError(f"found {count} pictures, expected {stated}: truncated")
-        times = {time for time, _ in packets}
-        are_known = len(times) == count and None not in times and unit is not None
-        if not are_known or not (has_times or all(is_key for _, is_key in packets)):
+        times = {time for time, _ in packets if time is not None}
+        if len(times) != count or unit is None:
+            return count, None
+        if not (has_times or all(is_key for _, is_key in packets)):
             return count, None
         self._times = sorted(times)
         self._places = {time: place for place, time in enumerate(self._times)}
-        self._keys = sorted(self._places[time] for time, is_key in packets if is_key)
+        self._keys = sorted(
+            self._places[time] for time, is_key in packets if is_key and time is not None
+        )
         return count, (np.array(self._times) - self._times[0]) * float(unit)

@@ -6,7 +6,7 @@ import itertools
 import math
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,11 +75,11 @@ class ZarrFilm(Reopened):
             steps = [step for step in member.split("/") if step]
             if ".." in steps or self._group is None:
                 raise ValueError(f"found {member!r}, expected the name of an array in a group")
-            found = opened["/".join(steps)]
+            found = self._group["/".join(steps)]
             if not isinstance(found, zarr.Array):
                 raise ValueError(f"found a group {member}, expected an array")
             return found
-        if self._group is None:
+        if isinstance(opened, zarr.Array):
             return opened
         films = [name for name, one in opened.arrays() if one.ndim == 3]
         if len(films) != 1:
@@ -87,7 +87,7 @@ class ZarrFilm(Reopened):
                 f"found the arrays {', '.join(films) or 'none'} of shape (frames, height, width), "
                 f"expected the path of one, like {self.path.name}:/{films[0] if films else 'data'}"
             )
-        return opened[films[0]]
+        return cast("zarr.Array", opened[films[0]])
 
     @property
     def _folder(self) -> Path:
@@ -117,11 +117,11 @@ class ZarrFilm(Reopened):
 
     def _read_times(self) -> NDArray[np.float64] | None:
         """Return the frames' times in seconds, where the group has them."""
-        names = getattr(self._array.metadata, "dimension_names", None)
+        names: Any = getattr(self._array.metadata, "dimension_names", None)
         names = names or self._array.attrs.get("_ARRAY_DIMENSIONS") or [None]
         if self._group is None or not isinstance(names[0], str) or names[0] not in self._group:
             return None
-        times = self._group[names[0]]
+        times: Any = self._group[names[0]]
         unit = times.attrs.get("units")
         scale = UNITS.get(unit) if isinstance(unit, str) else None
         if scale is None or getattr(times, "shape", None) != (self.n_frames,):
