@@ -37,6 +37,15 @@ class Volume:
     spacing: tuple[float, float, float]
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    if TYPE_CHECKING:  # as called: sequences of any kind, and one length for all axes
+
+        def __init__(
+            self,
+            shape: Sequence[int],
+            spacing: float | Sequence[float],
+            center: Sequence[float] = (0.0, 0.0, 0.0),
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         """Normalise to plain tuples, so that volumes compare, hash and print as values."""
         shape = numbers(self.shape, (3,), "volume.shape")
@@ -64,16 +73,14 @@ class Volume:
         if np.abs(R - turn).max() > 1e-9:
             return None
         shape, spacing = np.abs(turn) @ self.shape, np.abs(turn) @ self.spacing
-        (nx, ny, nz), (dx, dy, dz), (x, y, z) = shape, spacing, R @ self.center + t
-        return Volume((nx, ny, nz), (dx, dy, dz), (x, y, z))
+        return Volume(tuple(shape), tuple(spacing), tuple(R @ self.center + t))
 
     def with_lengths_scaled(self, factor: float) -> Volume:
         """Return the box of a world whose lengths are ``factor`` times as large."""
-        (dx, dy, dz), (x, y, z) = self.spacing, self.center
         return Volume(
             self.shape,
-            (dx * factor, dy * factor, dz * factor),
-            (x * factor, y * factor, z * factor),
+            tuple(length * factor for length in self.spacing),
+            tuple(length * factor for length in self.center),
         )
 
 

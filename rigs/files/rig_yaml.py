@@ -173,10 +173,8 @@ def _rig(entry: RigEntry, folder: Path) -> Rig:
     """Return the rig of a checked file in ``folder``."""
     if not entry.cameras:
         raise ValueError("cameras: found none, expected at least one")
-    volume, box = None, entry.volume
-    if box is not None:
-        spacing = box.spacing if isinstance(box.spacing, tuple) else (box.spacing,) * 3
-        volume = Volume(box.shape, spacing, box.center)
+    box = entry.volume
+    volume = None if box is None else Volume(box.shape, box.spacing, box.center)
     cameras = tuple(_camera(camera, folder) for camera in entry.cameras)
     rig = Rig(cameras, entry.length_unit, entry.world_frame, volume, entry.calibration)
     return rig if entry.scene is None else _in_scene(rig, entry.scene, folder)

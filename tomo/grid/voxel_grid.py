@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -63,6 +63,15 @@ class VoxelGrid:
     spacing: tuple[float, float, float]
     center: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    if TYPE_CHECKING:  # as called: sequences of any kind, and one length for all axes
+
+        def __init__(
+            self,
+            shape: Sequence[int],
+            spacing: float | Sequence[float],
+            center: Sequence[float] = (0.0, 0.0, 0.0),
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         """Normalise to plain tuples, so that grids compare, hash and print as values."""
         try:
@@ -104,20 +113,16 @@ class VoxelGrid:
                 f"grid bounds: found lower {lower.tolist()} and upper {upper.tolist()}, "
                 "expected three coordinates each with upper above lower"
             )
-        voxels = cast("tuple[int, int, int]", tuple(shape))
-        shape = cls(voxels, (1.0, 1.0, 1.0)).shape  # checked before anything is divided by it
-        (dx, dy, dz), (x, y, z) = (upper - lower) / shape, (lower + upper) / 2
-        return cls(shape, (dx, dy, dz), (x, y, z))
+        shape = cls(tuple(shape), 1.0).shape  # checked before anything is divided by it
+        return cls(shape, tuple((upper - lower) / shape), tuple((lower + upper) / 2))
 
     @classmethod
     def from_origin(cls, shape: Sequence[int], spacing: ArrayLike, origin: ArrayLike) -> VoxelGrid:
         """Return the grid whose voxel (0, 0, 0) is centred at ``origin`` (VTK, ITK, NRRD)."""
-        dx, dy, dz = np.broadcast_to(np.asarray(spacing, np.float64), 3).tolist()
-        voxels = cast("tuple[int, int, int]", tuple(shape))
-        shape = cls(voxels, (dx, dy, dz)).shape
-        center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * (dx, dy, dz)
-        x, y, z = center.tolist()
-        return cls(shape, (dx, dy, dz), (x, y, z))
+        spacing = np.broadcast_to(np.asarray(spacing, np.float64), 3)
+        shape = cls(tuple(shape), tuple(spacing.tolist())).shape
+        center = np.asarray(origin, np.float64) + (np.asarray(shape) - 1) / 2 * spacing
+        return cls(shape, tuple(spacing.tolist()), tuple(center.tolist()))
 
     @classmethod
     def from_xarray(cls, array: DataArray | Dataset) -> VoxelGrid:
@@ -225,9 +230,8 @@ class VoxelGrid:
         """Return the grid of the same box with voxels ``factor`` times finer along each axis."""
         if factor < 1 or factor != int(factor):
             raise ValueError(f"grid refinement: found {factor}, expected a whole number >= 1")
-        (nx, ny, nz), (dx, dy, dz), whole = self.shape, self.spacing, int(factor)
-        shape = nx * whole, ny * whole, nz * whole
-        return VoxelGrid(shape, (dx / factor, dy / factor, dz / factor), self.center)
+        shape = tuple(n * int(factor) for n in self.shape)
+        return VoxelGrid(shape, tuple(s / factor for s in self.spacing), self.center)
 
     def average(self, fine: NDArray, factor: int) -> NDArray:
         """Return the means over this grid's voxels of a volume on ``self.refined(factor)``."""
