@@ -56,3 +56,4 @@ def test_the_blocks_run_in_their_order(tmp_path, monkeypatch, quick_choice, coar
     assert names["grid_of_part"].shape == (8, 8, 8)
     assert names["again"].grid == names["grid_of_part"]
     assert names["steps"]
+    assert (tmp_path / "out/demo/rig.png").read_bytes()[1:4] == b"PNG"
