@@ -28,5 +28,5 @@ def seconds() -> dict[str, float]:
 
 if __name__ == "__main__":
     for name, took in seconds().items():
-        note = f"  more than {LONGEST} s: make it smaller" if took > LONGEST else ""
+        note = f"  more than {LONGEST} s" if took > LONGEST else ""
         sys.stderr.write(f"{took:7.1f} s  {name}{note}\n")

@@ -101,7 +101,8 @@ def test_pictures_are_described():
 def test_every_public_name_is_described(package):
     described = set().union(*(page(path).anchors for path in (SITE / "api").glob("*.html")))
     for name in package.__all__:
-        assert f"{package.__name__}.{name}" in described | {f"module-{package.__name__}.{name}"}
+        full = f"{package.__name__}.{name}"
+        assert {full, f"module-{full}"} & described, full
 
 
 def test_formulas_and_terms_are_more_than_text():
