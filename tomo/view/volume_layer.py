@@ -24,9 +24,9 @@ AXES = "xyz"
 NO_PICTURE = "none"
 PICTURES = (NO_PICTURE, MAXIMUM, INTEGRAL)
 
-TURNING_TRIANGLES = 12_000
+TURNING_TRIANGLES = 8_000
 """Of a surface while the eye moves, where a finer one has more. Without a graphics card 90,000
-triangles take 0.15 s of a processor for each picture of the page, 20,000 take 0.06 s."""
+triangles take 0.15 s of a processor for each picture of the page, 12,000 take 0.05 s."""
 
 OUTER_OPACITY = 0.4
 """Of the surface at the threshold, so that the one within shows through."""
@@ -82,6 +82,7 @@ class VolumeLayer:
         self, name: str, surface: Triangles, level: float, scale: ColourScale, opacity: float
     ) -> viser.MeshHandle:
         vertices, triangles = surface
+        triangles = triangles[outermost_first(vertices, triangles, self._grid)]
         return self._server.scene.add_mesh_simple(
             f"/surface/{name}",
             self._world.points(vertices),
@@ -156,6 +157,19 @@ class VolumeLayer:
             most = float(seen.max(initial=0.0)) or 1.0
             colours = ColourScale("", 0.0, most, colours.colours)
         return painted(seen, colours)
+
+
+def outermost_first(
+    vertices: NDArray[np.float64], triangles: NDArray, grid: VoxelGrid
+) -> NDArray[np.intp]:
+    """Return the order of triangles ``(T, 3)`` from the outermost to the one in the middle.
+
+    The page draws a translucent surface in this order and hides what lies behind what it has
+    drawn. From wherever one looks, the outer parts are mostly those in front; in another order
+    parts behind shine through in streaks.
+    """
+    out = np.linalg.norm((vertices - grid.center) / grid.extent, axis=1)
+    return np.argsort(-out[triangles].sum(axis=1), kind="stable")
 
 
 def surface_colour(level: float, scale: ColourScale) -> tuple[int, int, int]:

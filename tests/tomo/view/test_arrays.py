@@ -11,6 +11,7 @@ from tomo.view.colours import beside_each_other, painted, photographs, plane_val
 from tomo.view.rendering import INTEGRAL, MAXIMUM, seen_along
 from tomo.view.rig_layer import field_of_view, quaternion
 from tomo.view.surfaces import light_surface
+from tomo.view.volume_layer import outermost_first
 from tomo.view.world import World
 
 
@@ -90,6 +91,14 @@ def test_a_fine_surface_is_thinned_and_stays_in_place():
         radius = np.linalg.norm(vertices - grid.center, axis=1)
         np.testing.assert_allclose(radius, 15, atol=0.6)
     assert len(light_surface(ball, grid, 50.0)[1]) == 0
+
+
+def test_triangles_are_drawn_from_the_outermost_to_the_middle(grid, flames):
+    vertices, triangles = light_surface(flames[1], grid, 0.3)
+    ordered = triangles[outermost_first(vertices, triangles, grid)]
+    away = np.linalg.norm((vertices - grid.center) / grid.extent, axis=1)[ordered].sum(axis=1)
+    assert (np.diff(away) <= 0).all()
+    assert {*map(tuple, ordered)} == {*map(tuple, triangles)}
 
 
 def test_colours_span_the_scale_and_photographs_share_one_brightness():
