@@ -7,7 +7,7 @@ that the rule applies. It adds no figure of its own.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sized
 from typing import Any
 
 from rigs.check.resolved_wavelength import AS_LARGE
@@ -17,6 +17,12 @@ from tomo.uncertainty.intervals import NORMAL
 from tomo.uncertainty.warnings import BARELY_SEEN, NOISY
 
 Facts = Mapping[str, Any]
+
+LEARNED = {
+    "upstream emission": "gas that swallows its own light",
+    "off the axis, squared": "lenses that darken towards the corners",
+}
+"""What ``learning.found`` stands for, in plain words."""
 
 
 def _part(report: Facts, *keys: str) -> Any:
@@ -69,7 +75,7 @@ def refined(report: Facts) -> Iterator[Facts]:
     """Yield how many cameras were refined from the images, if they were."""
     found = _part(report, "refinement")
     if found.get("accepted"):
-        yield {"count": len(found["cameras"])}
+        yield {"cameras": _count(found["cameras"])}
 
 
 def outside(low: float, high: float, report: Facts) -> Iterator[Facts]:
@@ -86,7 +92,7 @@ def levels(key: str, report: Facts) -> Iterator[Facts]:
     levels = _part(report, "screening", key)
     if levels:
         camera = _largest(levels)
-        yield {"camera": camera, "level": levels[camera], "count": len(levels)}
+        yield {"camera": camera, "level": levels[camera], "cameras": _count(levels)}
 
 
 def absorption(report: Facts) -> Iterator[Facts]:
@@ -100,7 +106,7 @@ def learned(report: Facts) -> Iterator[Facts]:
     """Yield what was learned in place of segment lengths, if anything was."""
     found = _part(report, "learning")
     if found.get("taken"):
-        yield {"found": " and ".join(found.get("found") or ["an effect without a name"])}
+        yield {"found": " and ".join(LEARNED.get(one, one) for one in found.get("found") or ())}
 
 
 def carved(report: Facts) -> Iterator[Facts]:
@@ -127,7 +133,7 @@ def few(low: int, high: int, report: Facts) -> Iterator[Facts]:
     """Yield the number of views that took part, where it is within bounds."""
     views = len(_used(report))
     if low <= views <= high:
-        yield {"views": views}
+        yield {"cameras": _count(_used(report))}
 
 
 def barely_seen(report: Facts) -> Iterator[Facts]:
@@ -224,6 +230,10 @@ def _largest(values: Mapping[str, float]) -> str | None:
 
 def _or_infinite(value: float | None) -> float:
     return math.inf if value is None else value
+
+
+def _count(cameras: Sized) -> str:
+    return f"{len(cameras)} camera{'s' if len(cameras) != 1 else ''}"
 
 
 def _percent(fraction: float) -> str:

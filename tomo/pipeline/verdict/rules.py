@@ -137,19 +137,19 @@ RULES: tuple[Rule, ...] = (
     Rule(
         AMBER,
         partial(findings.levels, "background"),
-        "{count} camera(s) have light everywhere in the image, {camera} most ({level:.3g})",
+        "light everywhere in the images of {cameras}, {camera} most ({level:.3g})",
         "Subtract the background: add it to the dark level in scan.yaml (corrections: dark)",
     ),
     Rule(
         AMBER,
         partial(findings.levels, "below_zero"),
-        "too much was subtracted as dark in {count} camera(s), {camera} most ({level:.3g})",
+        "too much was subtracted as dark in {cameras}, {camera} most ({level:.3g})",
         "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)",
     ),
     Rule(
         AMBER,
         partial(findings.levels, "saturated"),
-        "{count} camera(s) are overexposed: their brightest pixels were left out",
+        "overexposed: {cameras}, whose brightest pixels were left out",
         "Expose camera {camera} shorter",
     ),
     Rule(
@@ -203,7 +203,7 @@ RULES: tuple[Rule, ...] = (
     Rule(
         RED,
         partial(findings.few, 1, 2),
-        "{views} camera(s) are too few for a volume: many shapes have the same images",
+        "too few for a volume: {cameras}. Many shapes have the same images",
         "Add cameras: four evenly spread ones are the least",
     ),
     Rule(
@@ -247,13 +247,13 @@ RULES: tuple[Rule, ...] = (
     Rule(
         AMBER,
         partial(findings.few, 3, FEWEST_VIEWS - 1),
-        f"with {{views}} cameras a wrong one cannot be found: that takes {FEWEST_VIEWS}",
+        f"with {{cameras}} a wrong one cannot be found: that takes {FEWEST_VIEWS}",
         "Add cameras, or check the calibration with check-rig and a calibration target",
     ),
     Rule(
         AMBER,
         findings.refined,
-        "the positions of {count} camera(s) were corrected from the images",
+        "the positions of {cameras} were corrected from the images",
         "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store",
     ),
     Rule(
