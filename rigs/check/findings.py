@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera_protocol import has_lens
+from rigs.check.accuracy import assumed_accuracy
 from rigs.check.convention_errors import find_convention_errors
 from rigs.check.resolved_wavelength import closing_view
 from rigs.check.result import Finding, RigCheck
@@ -36,6 +37,7 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
         _footprints,
         _blur,
         _ray_misses,
+        assumed_accuracy,
     )
     names: dict[tuple[str, str], dict[str, None]] = {}  # cameras with one finding share it
     for rule in rules:
@@ -275,7 +277,8 @@ def _ray_misses(check: RigCheck) -> Iterator[Finding]:
         if ratio > 0.5 and value > 1.5 * np.nanmedian(own)
     )
     level = "fault" if ratio > 2 else "warning" if ratio > 0.5 else "note"
-    yield Finding(level, text, responsible)
+    cure = ": calibrate them, or reconstruct with --refine-cameras and coarser voxels"
+    yield Finding(level, text + (cure if ratio > 0.5 else ""), responsible)
 
 
 def _where(check: RigCheck, poor: NDArray[np.bool_]) -> str:

@@ -8,7 +8,6 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.check.coverage import PIXEL_ACCURACY
 from rigs.check.result import RigCheck
 from rigs.check.rig_check import check_points
 from rigs.rig import Rig, Volume
@@ -34,7 +33,7 @@ class Box(Protocol):
 
 
 def check_rig(
-    rig: Rig, volume: Box | None = None, *, pixel_accuracy: float = PIXEL_ACCURACY
+    rig: Rig, volume: Box | None = None, *, pixel_accuracy: float | None = None
 ) -> RigCheck:
     """Return whether a rig is good enough for a box of voxels, where it is not, and why.
 
@@ -43,8 +42,9 @@ def check_rig(
     rig : Rig
     volume : VoxelGrid or Volume, optional
         The rig's own when None.
-    pixel_accuracy : float
-        RMS error of a line of sight in pixels, for rigs without a calibration's figures.
+    pixel_accuracy : float, optional
+        RMS error of a line of sight in pixels, for rigs without a calibration's figures. When
+        None, 0.2 is assumed, and a finding says so of cameras that nobody has measured.
 
     Raises
     ------

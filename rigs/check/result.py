@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.check.coverage import Coverage
+from rigs.check.coverage import PIXEL_ACCURACY, Coverage
 from rigs.check.resolved_wavelength import ResolvedWavelength, ViewsOfObject, box_covariance
 from rigs.rig import Volume
 
@@ -98,6 +98,8 @@ class RigCheck:
     volume, lattice : Volume, optional
         The voxels checked, and the coarse ones whose centres are the points; None where points
         were given.
+    pixel_accuracy : float, optional
+        RMS error of a line of sight in pixels, as given; None where `PIXEL_ACCURACY` was assumed.
     """
 
     coverage: Coverage
@@ -111,6 +113,7 @@ class RigCheck:
     weights: NDArray[np.float64]
     volume: Volume | None = None
     lattice: Volume | None = None
+    pixel_accuracy: float | None = None
 
     @property
     def views_of_volume(self) -> ViewsOfObject:
@@ -144,12 +147,13 @@ class RigCheck:
                 "unseen": self.fraction(~seen),
             },
             "resolved_wavelength": {
-                name: value if isinstance(value, list) else _finite(value)
+                name: _finite(value) if isinstance(value, float) else value
                 for name, value in self.resolved.report().items()
             },
             "pixel_in_voxels": _finite(pixel / self.voxel),
             "ray_miss": _finite(self.ray_miss),
             "ray_miss_from": self.ray_miss_from,
+            "pixel_accuracy": self.pixel_accuracy or PIXEL_ACCURACY,
             "findings": [asdict(finding) for finding in self.findings],
             "cameras": {
                 figures.name: {

@@ -24,7 +24,7 @@ def check_points(
     extent: ArrayLike,
     voxel: float,
     *,
-    pixel_accuracy: float = PIXEL_ACCURACY,
+    pixel_accuracy: float | None = None,
     weights: ArrayLike | None = None,
 ) -> RigCheck:
     """Evaluate a rig by what it sees of points of a volume; `check_rig` chooses them.
@@ -38,8 +38,9 @@ def check_points(
         Edge lengths of the box that holds them.
     voxel : float
         A voxel's edge length, all in the rig's unit.
-    pixel_accuracy : float
-        RMS error of a line of sight in pixels, for rigs without a calibration's figures.
+    pixel_accuracy : float, optional
+        RMS error of a line of sight in pixels, for rigs without a calibration's figures;
+        `PIXEL_ACCURACY` when None.
     weights : (N,) array_like, optional
         Part of the volume that each point stands for; equal when None.
 
@@ -53,7 +54,8 @@ def check_points(
         raise ValueError(f"extent: found {extent.tolist()}, expected three positive lengths")
     if not (math.isfinite(voxel) and voxel > 0):
         raise ValueError(f"voxel: found {voxel}, expected a positive length")
-    found = coverage(rig, points, pixel_accuracy=pixel_accuracy)
+    accuracy = PIXEL_ACCURACY if pixel_accuracy is None else pixel_accuracy
+    found = coverage(rig, points, pixel_accuracy=accuracy)
     parts = np.ones(len(found.points)) if weights is None else np.asarray(weights, np.float64)
     if parts.shape != (len(found.points),) or not (parts > 0).all():
         raise ValueError(f"weights: found shape {parts.shape}, expected a positive one per point")
@@ -71,6 +73,7 @@ def check_points(
         miss,
         "pixel accuracy" if calibrated is None else "calibration",
         parts,
+        pixel_accuracy=pixel_accuracy,
     )
     return replace(check, findings=findings(check))
 

@@ -45,11 +45,12 @@ def check_rig(
     lower: LowerOption = None,
     upper: UpperOption = None,
     pixel_accuracy: Annotated[
-        float,
+        float | None,
         typer.Option(
-            help="RMS error of a line of sight in pixels, for cameras without a calibration."
+            help="RMS error of a line of sight in pixels, for cameras without a calibration; 0.2 "
+            "is assumed where it is not given."
         ),
-    ] = 0.2,
+    ] = None,
     iterations: Annotated[
         int, typer.Option(help="Iterations to estimate the time of.", min=0)
     ] = 100,
@@ -81,7 +82,8 @@ def check_rig(
             )
         if pattern is not None and images is None:
             raise ValueError("--pattern: expected --images with it")
-        if not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
+        is_given = pixel_accuracy is not None
+        if is_given and not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
             )

@@ -132,6 +132,24 @@ def test_lines_of_sight_that_miss_by_less_than_a_tenth_of_a_voxel_are_no_finding
     assert not any("miss each other" in finding.text for finding in answer.findings)
 
 
+def test_cameras_that_nobody_measured_are_not_called_good_in_silence():
+    rig = changed(a_ring(), lambda c: replace(c, status="nominal"))
+    answer = check(rig)
+    text = found(answer, "0.2 of a pixel was assumed, 0.1 mm in the volume", "warning").text
+    assert "1 mm, as by a ruler, is 2 pixels here" in text
+    assert "--pixel-accuracy" in text
+    assert "--refine-cameras nominal" in text
+    assert answer.assessment == "limited"
+    assert check(rig, pixel_accuracy=0.2).assessment == "good"  # now somebody answers for it
+    measured = replace(rig, calibration={"ray_miss_predicted": 0.04})
+    assert check(measured).assessment == "good"
+    one = changed(a_ring(), lambda c: replace(c, status="nominal"), "cam03")
+    assert found(check(one), "was assumed", "warning").cameras == ("cam03",)
+    foreign = changed(a_ring(), lambda c: replace(c, status="calibrated"))
+    assert "does not say how exact" in found(check(foreign), "was assumed", "note").text
+    assert not any("assumed" in finding.text for finding in check(a_ring()).findings)
+
+
 def test_facing_cameras_count_once():
     answer = check(a_ring(8))
     finding = found(answer, "8 cameras give 4 different views", "note")
