@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.check.coverage import coverage
+from rigs.check.lines_of_sight import field_of_view
 from rigs.rig import Rig
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -24,6 +25,9 @@ _LENGTHS = {
     25.4: "inches, the grid millimetres",
     1 / 25.4: "millimetres, the grid inches",
 }
+WIDEST = 150.0
+"""Degrees across an image, by lenses other than fisheyes; wider ones are an error of unit."""
+
 _COARSE = 8.0  # voxels per pixel; no rig is built with coarser pixels
 _FINE = 1 / 8  # voxels per pixel; finer ones with little of the volume in view are an error
 
@@ -127,6 +131,12 @@ def _corrections() -> list[dict[str, Callable[[Camera], Camera]]]:
     def position(camera: Camera) -> Camera:
         return replace(camera, t=-camera.R @ camera.t)
 
+    def finer_pixels(camera: Camera) -> Camera:
+        if camera.distortion.model == "fisheye" or field_of_view(camera) <= WIDEST:
+            return camera
+        finer = np.array([[1e3, 1e3, 1], [1, 1e3, 1], [1, 1, 1]])
+        return replace(camera, camera_matrix=camera.camera_matrix * finer)
+
     def scaled(factor: float) -> Callable[[Camera], Camera]:
         return lambda camera: replace(camera, t=camera.t * factor)
 
@@ -139,5 +149,9 @@ def _corrections() -> list[dict[str, Callable[[Camera], Camera]]]:
         {"poses seem to be camera-to-world, expected x_cam = R x_world + t": inverse},
         {"poses seem to be camera-to-world in OpenGL's axes, expected OpenCV's": inverse_opengl},
         {"t seems to be the camera's position, expected t = -R position": position},
+        {
+            "pixel_pitch seems to be in micrometres, expected the unit of focal_length "
+            "(times 0.001)": finer_pixels
+        },
         lengths,
     ]

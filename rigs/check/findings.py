@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.camera_protocol import has_lens
 from rigs.check.accuracy import assumed_accuracy
-from rigs.check.convention_errors import find_convention_errors
+from rigs.check.convention_errors import WIDEST, find_convention_errors
 from rigs.check.resolved_wavelength import closing_view
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import glass, hardware
@@ -79,11 +79,12 @@ def _lenses(check: RigCheck) -> Iterator[Finding]:
             continue
         size = np.array(camera.image_size)
         fx, fy = camera.camera_matrix[0, 0], camera.camera_matrix[1, 1]
-        if camera.distortion.model != "fisheye" and figures.field_of_view > 150:
+        if camera.distortion.model != "fisheye" and figures.field_of_view > WIDEST:
             yield Finding(
                 "fault",
                 f"{figures.field_of_view:.0f} degrees across with a focal length of {fx:.4g} "
-                f"pixels; it may be given in millimetres, expected pixels",
+                f"pixels; it may be given in millimetres, expected pixels, or pixel_pitch in "
+                "micrometres, expected the unit of focal_length",
                 (camera.name,),
             )
         off = (camera.camera_matrix[:2, 2] - (size - 1) / 2) / size

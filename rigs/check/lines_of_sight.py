@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.camera_protocol import CameraLike
 from rigs.rig import Rig
 
 
@@ -100,3 +101,12 @@ def angles_between(lines: NDArray[np.float64]) -> NDArray[np.float64]:
     angles = np.degrees(np.arctan2(sine, np.abs(lines @ lines.T)))
     np.fill_diagonal(angles, np.inf)
     return angles
+
+
+def field_of_view(camera: CameraLike) -> float:
+    """Return the angle in degrees between opposite corners' lines of sight, or NaN."""
+    width, height = camera.image_size
+    corners = np.array([[0, 0], [width, height], [width, 0], [0, height]]) - 0.5
+    rays = camera.rays(corners)[1]
+    cosines = [float(rays[0] @ rays[1]), float(rays[2] @ rays[3])]
+    return float(np.degrees(np.arccos(np.clip(min(cosines), -1, 1))))

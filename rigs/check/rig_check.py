@@ -9,10 +9,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.camera_protocol import CameraLike
 from rigs.check.coverage import PIXEL_ACCURACY, Coverage, coverage
 from rigs.check.findings import findings
-from rigs.check.lines_of_sight import finite_rms
+from rigs.check.lines_of_sight import field_of_view, finite_rms
 from rigs.check.resolved_wavelength import ViewsOfObject, box_covariance
 from rigs.check.result import CameraFigures, RigCheck
 from rigs.rig import Rig
@@ -121,15 +120,6 @@ def _figures(found: Coverage, views: ViewsOfObject, weights: NDArray) -> tuple[C
             )
         )
     return tuple(figures)
-
-
-def field_of_view(camera: CameraLike) -> float:
-    """Return the angle in degrees between opposite corners' lines of sight, or NaN."""
-    width, height = camera.image_size
-    corners = np.array([[0, 0], [width, height], [width, 0], [0, height]]) - 0.5
-    rays = camera.rays(corners)[1]
-    cosines = [float(rays[0] @ rays[1]), float(rays[2] @ rays[3])]
-    return float(np.degrees(np.arccos(np.clip(min(cosines), -1, 1))))
 
 
 def _nan(function: Callable[[NDArray], np.floating], values: NDArray) -> float:

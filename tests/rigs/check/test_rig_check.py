@@ -199,6 +199,11 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
     assert check(rig, pixel_accuracy=5.0).assessment == "not usable"
 
 
+def in_micrometres(camera):
+    K = camera.camera_matrix / [[1e3, 1e3, 1], [1, 1e3, 1], [1, 1, 1]]
+    return replace(camera, camera_matrix=K)
+
+
 @pytest.mark.parametrize(
     ("error", "words"),
     [
@@ -212,6 +217,7 @@ def test_ray_miss_is_the_calibration_s_where_there_is_one():
             "camera-to-world in OpenGL's axes",
         ),
         (lambda c: replace(c, t=c.position), "t seems to be the camera's position"),
+        (in_micrometres, "pixel_pitch seems to be in micrometres"),
     ],
 )
 def test_errors_of_unit_and_convention_are_named(error, words):
