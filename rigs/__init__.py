@@ -9,7 +9,8 @@ The nouns:
 - `Volume`: the voxels that a rig was made for.
 
 The verbs: `load` reads a preset, a rig.yaml or any known format, `save_rig` and
-``rigs.formats.save`` write; `ring` and `arc` make virtual rigs; `calibrate_rig` makes a rig of
+``rigs.formats.save`` write; `ring` and `arc` make virtual rigs, `camera_at` a camera by
+its place and its lens; `calibrate_rig` makes a rig of
 images of a target; `check_rig` says whether a rig is good enough for a volume, `compare_rigs` how
 two differ; `with_images_changed` follows cropped, turned and binned images.
 
@@ -53,6 +54,7 @@ _load, __dir__, __all__ = lazy_loader.attach(
         "lens": ["Distortion"],
         "loading": ["load"],
         "optics": ["Optics"],
+        "placed_camera": ["camera_at"],
         "ray_table": ["RayTable"],
         "rig": ["Rig", "Volume"],
     },

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rigs.camera_protocol import has_lens
 from rigs.check.accuracy import assumed_accuracy
 from rigs.check.convention_errors import WIDEST, find_convention_errors
+from rigs.check.field_of_view_cure import how_to_see_all
 from rigs.check.resolved_wavelength import closing_view
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import glass, hardware
@@ -129,10 +130,13 @@ def _cut_off(check: RigCheck) -> Iterator[Finding]:
     for figures in sorted(cut, key=lambda figures: figures.sees):
         number = check.coverage.rig.names.index(figures.name)
         where = _where(check, ~check.coverage.seen[number])
-        missing = "cut off" if check.coverage.rig[number].is_straight else "cut off or hidden"
+        camera = check.coverage.rig[number]
+        missing = "cut off" if camera.is_straight else "cut off or hidden"
+        cure = how_to_see_all(camera, check.coverage.points, check.coverage.rig.length_unit)
         yield Finding(
             "warning" if figures.sees < 0.95 else "note",
-            f"{figures.sees:.0%} of the volume in the image, {missing} {where}",
+            f"{figures.sees:.0%} of the volume in the image, {missing} {where}"
+            + (f": {cure}" if cure else ""),
             (figures.name,),
         )
 

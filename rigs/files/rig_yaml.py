@@ -10,12 +10,13 @@ from typing import Any, cast
 
 import yaml
 
-from rigs.camera import Camera, look_at, pinhole_matrix
+from rigs.camera import Camera, look_at
 from rigs.camera_protocol import CameraLike, LensCamera
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import breaks_a_line, read_yaml_mapping, write_text
 from rigs.lens import Distortion
 from rigs.optics import Optics
+from rigs.placed_camera import matrix_of_lens, optics_of_lens
 from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import load_ray_table, save_ray_table
 from rigs.rig import Rig, Volume
@@ -199,6 +200,7 @@ def _camera(entry: CameraEntry, folder: Path) -> CameraLike:
         distortion = Distortion(entry.distortion.model, tuple(entry.distortion.coefficients))
         optics = _optics(entry)
         K = _intrinsics(entry)
+        optics = optics_of_lens(entry.focal_length, entry.pixel_pitch, optics)
         R, t = _pose(entry)
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
@@ -260,14 +262,8 @@ def _intrinsics(entry: CameraEntry) -> Any:
             )
     size = cast("tuple[int, int]", entry.image_size)  # both were looked for above
     focal, pitch = cast("float", entry.focal_length), entry.pixel_pitch
-    pitch_x, pitch_y = pitch if isinstance(pitch, tuple) else (cast("float", pitch),) * 2
-    for name, lengths in (
-        ("focal_length", [focal]),
-        ("pixel_pitch", [pitch_x, pitch_y]),
-    ):
-        if not all(length > 0 for length in lengths):
-            raise ValueError(f"{name}: found {getattr(entry, name)}, expected positive lengths")
-    return pinhole_matrix(size, focal / pitch_x, focal / pitch_y, entry.principal_point)
+    assert pitch is not None
+    return matrix_of_lens(size, focal, pitch, entry.principal_point)
 
 
 def _pose(entry: CameraEntry) -> tuple[Any, Any]:

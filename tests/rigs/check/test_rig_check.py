@@ -1,9 +1,10 @@
+import re
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from rigs import Distortion, Optics, RayTable, Rig, arc, look_at, ring
+from rigs import Distortion, Optics, RayTable, Rig, arc, camera_at, look_at, ring
 from rigs.check import check_points
 from rigs.check.convention_errors import find_convention_errors
 
@@ -148,6 +149,29 @@ def test_cameras_that_nobody_measured_are_not_called_good_in_silence():
     foreign = changed(a_ring(), lambda c: replace(c, status="calibrated"))
     assert "does not say how exact" in found(check(foreign), "was assumed", "note").text
     assert not any("assumed" in finding.text for finding in check(a_ring()).findings)
+
+
+def three(focal_length, distance, target=(0, 0, 0)):
+    angles = np.radians([0, 60, 120])
+    places = [(distance * np.sin(a), 0, distance * np.cos(a)) for a in angles]
+    lens = {"image_size": (200, 200), "focal_length": focal_length, "pixel_pitch": 0.02}
+    cameras = [camera_at(f"c{n}", p, target, **lens) for n, p in enumerate(places)]
+    return Rig(tuple(replace(camera, status="virtual") for camera in cameras))
+
+
+def test_a_volume_cut_off_names_the_lens_and_the_distance_that_see_all():
+    texts = " ".join(f.text for f in check(three(50.0, 400.0)).findings)
+    words = re.findall(r"a lens of at most (\S+) mm, or a distance of at least (\S+) mm", texts)
+    lens, distance = min(float(one[0]) for one in words), max(float(one[1]) for one in words)
+    for cured in (three(lens, 400.0), three(50.0, distance)):
+        assert not any("cut off" in f.text for f in check(cured).findings)
+    for almost in (three(1.1 * lens, 400.0), three(50.0, 0.9 * distance)):
+        assert any("cut off" in f.text for f in check(almost).findings)
+    for rig, cure in (
+        (three(30.0, 400.0, target=(0, 15, 0)), "aimed at the middle of the volume, it would see"),
+        (changed(three(50.0, 400.0), lambda c: replace(c, optics=None)), "pixels of focal length"),
+    ):
+        assert any(cure in f.text for f in check(rig).findings if "cut off" in f.text)
 
 
 def test_facing_cameras_count_once():

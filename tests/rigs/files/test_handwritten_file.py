@@ -8,7 +8,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigs import Volume, formats, load_rig, preset, save_rig
+from rigs import Optics, Volume, camera_at, formats, load_rig, preset, save_rig
 
 EVERYWHERE = settings(
     deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150
@@ -245,3 +245,13 @@ def test_a_rig_that_lacks_its_format_is_not_taken_for_a_foreign_one(format_line,
     path.write_text(path.read_text("utf-8").replace("format: emission-rig\n", format_line))
     with pytest.raises(ValueError, match=words):
         formats.load(path)
+
+
+def test_python_places_a_camera_as_the_file_does(tmp_path):
+    (tmp_path / "rig.yaml").write_text(SHORT)
+    lens = {"image_size": (640, 480), "focal_length": 50, "pixel_pitch": 5e-3}
+    placed = camera_at("left", (0, 0, 1000), (0, 0, 0), **lens)
+    assert placed == load_rig(tmp_path / "rig.yaml")["left"]
+    assert placed.optics == Optics(focal_length=50, pixel_pitch=5e-3)
+    with pytest.raises(ValueError, match="camera left: pixel_pitch: found 0"):
+        camera_at("left", (0, 0, 1000), (0, 0, 0), **lens | {"pixel_pitch": 0})
