@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 from rigs.camera_protocol import has_lens
 from rigs.check.accuracy import assumed_accuracy
 from rigs.check.convention_errors import WIDEST, find_convention_errors
+from rigs.check.details import details
 from rigs.check.field_of_view_cure import how_to_see_all
-from rigs.check.resolved_wavelength import closing_view
+from rigs.check.grid_choice import grid_choice
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import glass, hardware
 from rigs.check.words import short
@@ -33,9 +34,9 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
         hardware,
         glass,
         _unseen,
-        _details,
+        details,
         _same_views,
-        _footprints,
+        grid_choice,
         _blur,
         _ray_misses,
         assumed_accuracy,
@@ -171,35 +172,6 @@ def _unseen(check: RigCheck) -> Iterator[Finding]:
         yield Finding("fault", "a single view gives no depth: expected at least two cameras")
 
 
-def _details(check: RigCheck) -> Iterator[Finding]:
-    """Find the details that the views measure, and where a camera would close the largest gap."""
-    found, resolved = check.coverage, check.resolved
-    some = found.views >= 2
-    if not some.any():
-        return
-    unit = found.rig.length_unit
-    text = resolved.words(unit)
-    if not resolved.is_coarse:
-        yield Finding("note", text)
-        return
-    middle = found.points.mean(axis=0)
-    point = np.flatnonzero(some)[np.linalg.norm(found.points[some] - middle, axis=1).argmin()]
-    sees = found.seen[:, point]
-    lines = found.directions[point][sees]
-    names = np.array(found.rig.names)[sees]
-    normal = resolved.worst_direction
-    text += ", as large as the volume itself: shapes along it are a guess"
-    direction = closing_view(normal, lines)
-    if direction is not None:
-        away = float(np.median([figures.distance for figures in check.cameras]))
-        position = middle - away * direction
-        step = 10.0 ** np.floor(np.log10(away) - 1)
-        spot = ", ".join(f"{value:.6g}" for value in np.round(position / step) * step + 0.0)
-        text += f"; a camera at ({spot}), or opposite, would measure them"
-    neighbours = np.argsort(np.abs(lines @ normal), kind="stable")[:2]
-    yield Finding("warning", text, tuple(names[sorted(neighbours)].tolist()))
-
-
 def _same_views(check: RigCheck) -> Iterator[Finding]:
     """Find cameras whose lines of sight another camera has too."""
     rig = check.coverage.rig
@@ -224,33 +196,6 @@ def _same_views(check: RigCheck) -> Iterator[Finding]:
             "half a step, gives more",
             tuple(name for pair in pairs for name in pair[1:]),
         )
-
-
-def _footprints(check: RigCheck) -> Iterator[Finding]:
-    """Find pixels too coarse for the voxels, needlessly fine, or unlike the other cameras'."""
-    sizes = np.array([figures.footprint_in_voxels for figures in check.cameras])
-    known = np.isfinite(sizes)
-    if not known.any():
-        return
-    typical = float(np.median(sizes[known]))
-    names = np.array(check.coverage.rig.names)
-    unit = check.coverage.rig.length_unit
-    if typical > 1.5:
-        yield Finding(
-            "warning",
-            f"a pixel is {short(typical)} voxels wide: the images resolve voxels of "
-            f"{typical * check.voxel:.2g} {unit} at best",
-        )
-    elif typical < 0.3:
-        yield Finding(
-            "note",
-            f"a voxel is {short(1 / typical)} pixels wide: images may be shrunk "
-            f"(--scale {int(0.5 / typical)}), or voxels be {typical * check.voxel * 2:.2g} {unit}",
-        )
-    coarse = known & (sizes > max(2 * typical, 1.0))
-    for name, size in zip(names[coarse], sizes[coarse], strict=True):
-        text = f"pixels {short(size)} voxels wide, those of most cameras {typical:.2g}"
-        yield Finding("warning", text, (str(name),))
 
 
 def _blur(check: RigCheck) -> Iterator[Finding]:

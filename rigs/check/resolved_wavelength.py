@@ -72,7 +72,8 @@ class ResolvedWavelength:
         if worst == half:
             return f"all details down to {half} {unit} are measured"
         return (
-            f"half of all details down to {half} {unit} are measured, 90 % down to {most}; least: "
+            f"half of all details down to {half} {unit} ({short(self.half)} {length_unit}) are "
+            f"measured, 90 % down to {most} ({short(self.nine_tenths)} {length_unit}); least: "
             f"flat layers across {direction_words(self.worst_direction)} "
             f"({short(self.worst)} {length_unit})"
         )
@@ -142,6 +143,22 @@ class ViewsOfObject:
     def without(self, camera: int) -> ViewsOfObject:
         """Return the views without one camera's."""
         return replace(self, seen=self.seen & (np.arange(self.seen.shape[1]) != camera))
+
+    def with_camera_at(
+        self, position: ArrayLike, points: NDArray[np.float64], footprint: NDArray[np.float64]
+    ) -> ViewsOfObject:
+        """Return the views with those of one more camera, which sees all points ``(N, 3)``.
+
+        Its pixels there are of the size ``footprint`` ``(N,)``.
+        """
+        lines = points - np.asarray(position, np.float64)
+        lines = lines / np.maximum(np.linalg.norm(lines, axis=1, keepdims=True), 1e-300)
+        return replace(
+            self,
+            lines=np.concatenate([self.lines, lines[:, None]], axis=1),
+            seen=np.concatenate([self.seen, np.ones((len(lines), 1), bool)], axis=1),
+            footprint=np.concatenate([self.footprint, footprint[:, None]], axis=1),
+        )
 
     def wavelengths(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return ``lambda(n)`` at each point along unit vectors ``(M, 3)``, ``(N, M)``.

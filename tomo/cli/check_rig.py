@@ -114,9 +114,12 @@ def check_rig(
     if not json:
         from rich.console import Console
 
+        from tomo.draw.rig.rig_page import COARSER_IN_WORDS
+
         stdout = Console()
         stdout.width = max(stdout.width, 110)  # piped, it would be 80
         stdout.print(_table(check))
+        stdout.print(f"{COARSER_IN_WORDS}\n", highlight=False)
     for finding in check.findings:
         _say_finding(finding.level, finding.cameras, finding.text)
     say(f"{heading}: {check.assessment}. {_costs(need, effort, iterations, why)}", "bold")

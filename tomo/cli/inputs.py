@@ -173,10 +173,11 @@ def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
     """Return such a rig, and the grid that the scan or the rig itself names, or None."""
     from rigs import load, preset_names
     from tomo.grid import grid_of_rig
+    from tomo.scan.files import is_scan_file
 
     path, grid = Path(text), None
-    is_scan = (path.is_file() and path.name == "scan.yaml") or (path / "scan.yaml").is_file()
-    if is_scan and text not in preset_names():
+    is_named = text in preset_names()
+    if not is_named and ((path / "scan.yaml").is_file() or is_scan_file(path)):
         from tomo import load_scan
 
         scan = load_scan(path)

@@ -16,6 +16,8 @@ from rigs.recordings import MOST_BITS
 from rigs.recordings.mosaic import COLOURS, PATTERNS
 from rigs.recordings.stored_pixels import PIXEL_TYPES
 
+SCAN_FORMAT = "emission-scan"
+
 
 def _named(name: str) -> str:
     if not name:
@@ -193,7 +195,7 @@ class _Effects(_Strict):
 
 
 class ScanFile(_Strict):
-    format: Literal["emission-scan"]
+    format: Literal[SCAN_FORMAT]
     version: Literal[1]
     rig: Text
     grid: VolumeEntry | None = None

@@ -61,6 +61,15 @@ class Corrections:
     bayer: str | Mapping[str, str] | None = None
     channel: str | Mapping[str, str] | None = None
 
+    def __post_init__(self) -> None:
+        """Take text for the path of an image, but not for the name of colours."""
+        for name in ("dark", "flat", "mask"):
+            value = getattr(self, name)
+            if isinstance(value, Mapping):
+                object.__setattr__(self, name, {c: _as_path(one) for c, one in value.items()})
+            else:
+                object.__setattr__(self, name, _as_path(value))
+
     def of(self, correction: str, camera: str) -> Any:
         """Return the value of one correction for one camera; None where there is none."""
         return for_camera(getattr(self, correction), camera)
@@ -175,7 +184,8 @@ class Corrections:
                 place = image if isinstance(image, Path | FilmFrame) else "the images in memory"
                 raise ValueError(
                     f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
-                    f"at most 1, the full scale of integers like those in {place}"
+                    f"at most 1, the full scale of integers like those in {place}; "
+                    f"{_counts_in_words(value, self.of('bit_depth', camera))}"
                 )
 
     def pixels(
@@ -247,6 +257,18 @@ class Corrections:
                 "image_size"
             )
         return values, full_scale
+
+
+def _counts_in_words(counts: float, bits: int | None) -> str:
+    """Return what to write for a number of counts, by the bits of the camera or the usual ones."""
+    depths = [bits] if bits else [one for one in (8, 12, 16) if counts < 2**one]
+    each = [f"{counts:g} counts of {one} bits are {counts / (2**one - 1):.3g}" for one in depths]
+    return " and ".join(each) or "it is beyond 16 bits"
+
+
+def _as_path(value: Any) -> Any:
+    """Return a path where text names one."""
+    return Path(value) if isinstance(value, str) else value
 
 
 def for_camera(value: Any, camera: str) -> Any:

@@ -9,11 +9,11 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import TYPE_CHECKING, Any
 
 from rigs import Rig, formats, load_rig
-from rigs.files.text import breaks_a_line
+from rigs.files.text import breaks_a_line, read_yaml_mapping
 from rigs.recordings import IMAGE_SUFFIXES, RawLayout, find_images, split_member
 from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.scan._schema import parse_scan_file
+from tomo.scan._schema import SCAN_FORMAT, parse_scan_file
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import Film, films_in, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.frames import Frame
@@ -66,6 +66,16 @@ def load_scan(path: str | PathLike, images: str | PathLike | None = None) -> Sca
     raise ValueError(
         f"{path}: scan: found suffix {path.suffix!r}, expected a folder, .yaml or .json"
     )
+
+
+def is_scan_file(path: Path) -> bool:
+    """Tell by its ``format`` whether a YAML file is a scan's, whatever it is called."""
+    if path.suffix.lower() not in (".yaml", ".yml") or not path.is_file():
+        return False
+    try:
+        return read_yaml_mapping(path).get("format") == SCAN_FORMAT
+    except ValueError:  # whoever reads it as a rig says what is wrong
+        return False
 
 
 def _load_transforms(path: Path, folder: Path | None) -> Scan:
@@ -291,11 +301,13 @@ def _no_images(
     if (folder / camera).is_dir():
         return ValueError(
             f"{folder / camera}: camera {camera}: found no image, expected files that end in "
-            f"{', '.join(IMAGE_SUFFIXES)}"
+            f"{', '.join(IMAGE_SUFFIXES)}; or take it out of the rig: "
+            f"flametomo convert-rig rig.yaml new.yaml --drop {camera}"
         )
     others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
     return FileNotFoundError(
         f"{folder}: camera {camera}: found no folder {camera} in it and no image of that name; it "
         f"has {others or 'no folders'} and {len(inside)} images in all{first}; expected "
-        f"{how_to_name(inside, folder, cameras)}"
+        f"{how_to_name(inside, folder, cameras)}; or take it out of the rig: "
+        f"flametomo convert-rig rig.yaml new.yaml --drop {camera}"
     )

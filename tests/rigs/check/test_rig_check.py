@@ -115,12 +115,12 @@ def test_a_gap_names_its_neighbours_and_where_a_camera_would_close_it():
     finding = found(answer, "as large as the volume itself", "warning")
     assert finding.cameras == ("cam00", "cam06")
     assert "least: flat layers across z (23 mm)" in finding.text
-    assert "900, 0, 0), or opposite, would measure them" in finding.text
+    assert "900, 0, 0), or opposite, would close the largest gap" in finding.text
 
 
 def test_the_details_that_views_measure_are_said_and_limit_only_rigs_that_miss_whole_shapes():
     good = check(a_ring(9))
-    assert "half of all details down to 4.1 voxels" in found(good, "details", "note").text
+    assert "half of all details down to 4.1 voxels (2 mm)" in found(good, "details", "note").text
     assert check(a_ring(5)).assessment == "good"
     for count in (2, 3, 4, 6):  # one line, three, two, three
         assert found(check(a_ring(count)), "shapes along it are a guess", "warning")
@@ -131,6 +131,37 @@ def test_lines_of_sight_that_miss_by_less_than_a_tenth_of_a_voxel_are_no_finding
     answer = check(replace(a_ring(), calibration=miss))
     assert answer.ray_miss == 0.04
     assert not any("miss each other" in finding.text for finding in answer.findings)
+
+
+def test_the_next_camera_is_named_for_good_rigs_too_with_what_it_would_add():
+    rig = a_ring()
+    answer = check(rig)
+    text = found(answer, "would close the largest gap", "note").text
+    spot = [float(value) for value in re.search(r"a camera at \((.*?)\)", text)[1].split(", ")]
+    own = [
+        float(x)
+        for x in re.search(r"half down to (\S+) mm, 90 % to (\S+), least (\S+)", text).groups()
+    ]
+    added = replace(rig[0], name="new", R=(pose := look_at(spot, (0, 0, 0)))[0], t=pose[1])
+    after = check(replace(rig, cameras=(*rig.cameras, added))).resolved
+    assert own == pytest.approx([after.half, after.nine_tenths, after.worst], rel=0.05)
+    assert after.half < answer.resolved.half
+
+
+@pytest.mark.parametrize("voxel", [0.05, 0.5, 4.0])
+def test_one_grid_is_proposed_whatever_grid_was_given(voxel):
+    rig = ring(7, distance=900.0, image_size=(700, 1100), footprint=0.05)
+    text = found(check_points(rig, POINTS + np.array([0, 3, 0]), EXTENT, voxel), "try --grid").text
+    shape, spacing = re.search(r"--grid (\S+) --spacing (\S+)", text).groups()
+    assert np.array([int(n) for n in shape.split("x")]) * float(spacing) == pytest.approx(
+        EXTENT, abs=float(spacing)
+    )
+    assert 0.3 <= float(spacing) <= 0.5  # an eighth of 2.7 mm, pixels of 0.05 mm
+    assert "--center 0,3,0" in text
+    assert "--scale" in text
+    shrunk = changed(rig, lambda c: c.scaled(1 / int(text.rsplit(" ", 1)[1])))
+    followed = check_points(shrunk, POINTS, EXTENT, float(spacing))
+    assert not any("try --grid" in finding.text for finding in followed.findings)
 
 
 def test_cameras_that_nobody_measured_are_not_called_good_in_silence():

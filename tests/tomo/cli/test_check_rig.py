@@ -179,3 +179,13 @@ def test_a_scan_says_where_the_volume_is(run_tool, tmp_path, name):
         "--json",
     )
     assert json.loads(again.stdout)["grid"]["shape"] == [10, 20, 10]
+
+
+def test_a_scan_file_is_known_by_its_format_whatever_it_is_called(run_tool, tmp_path):
+    grid = VoxelGrid((4, 6, 4), 1.0)
+    rig = ring(3, distance=200.0, image_size=(8, 10), footprint=1.0)
+    simulate_images(rig, create("jet", 1, grid.extent), grid).save(tmp_path)
+    renamed = (tmp_path / "scan.yaml").rename(tmp_path / "run7.yaml")
+    done = run_tool("check_rig", renamed, "--no-time", "--json")
+    assert done.exit_code == 0, done.stderr
+    assert json.loads(done.stdout)["estimate"]["voxels"] == 4 * 6 * 4

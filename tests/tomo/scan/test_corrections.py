@@ -1,5 +1,7 @@
 """Dark frame, flat field, gain, mask and saturation: what they make of the pixels."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -100,3 +102,15 @@ def test_corrections_of_a_scan_built_by_hand(tmp_path, rig, frames):
     frame = Frame("only", {"left": tmp_path / "a.tif"})
     scan = Scan(rig[:1], (frame,), Corrections(gain={"left": 2.0}))
     np.testing.assert_allclose(scan.images()[0], 2 * frames["first"]["left"], rtol=1e-6)
+
+
+def test_text_names_the_image_of_a_correction():
+    found = Corrections(dark={"cam00": "dark.tif"}, flat="flat.tif", mask=None)
+    assert found.of("dark", "cam00") == Path("dark.tif")
+    assert found.of("flat", "cam07") == Path("flat.tif")
+
+
+def test_counts_for_a_fraction_of_full_scale_say_what_to_write():
+    counts = np.full((2, 2), 130, np.uint16)
+    with pytest.raises(ValueError, match=r"at most 1.*130 counts of 12 bits are 0\.0317"):
+        Corrections(dark=130, bit_depth=12).corrected(counts, "cam00", (2, 2))

@@ -21,6 +21,11 @@ from tomo.grid import VoxelGrid
 
 _OTHER, _MOVED, _TARGET = rgb("#8a3fa0"), rgb("#d4148c"), rgb("#12826a")
 _NO_FIGURE = "–"
+_COARSER = "details coarser without it by (voxels)"
+COARSER_IN_WORDS = (
+    "Details coarser without it: by how much the size down to which 90 % of all details are "
+    "measured would grow without this camera; 0 where the others see as much."
+)
 _COMPARED = 500  # points of a volume at which two rigs are compared
 
 
@@ -43,7 +48,7 @@ def compare_on_grid(
 def check_table(check: RigCheck) -> Table:
     """Return the assessment, the findings, and a row of figures for each camera."""
     unit = check.coverage.rig.length_unit
-    lines = [("", f"Assessment: {check.assessment}")]
+    lines = [("", f"Assessment: {check.assessment}"), ("", COARSER_IN_WORDS)]
     for finding in check.findings:
         names = some_names(finding.cameras)
         lines.append((finding.level, f"{names}: {finding.text}" if names else finding.text))
@@ -55,7 +60,7 @@ def check_table(check: RigCheck) -> Table:
         "pixel (voxels)",
         "blur (pixels)",
         "nearest other view (°)",
-        "details coarser without it by (voxels)",
+        _COARSER,
         f"ray-miss ({unit})",
     )
     rows = [
