@@ -38,7 +38,7 @@ def how_to_see_all(camera: object, points: NDArray[np.float64], length_unit: str
         lens = (
             f"{_rounded_down(focal):g} pixels of focal length ({_rounded_down(factor):g} of now)"
         )
-    distance = np.linalg.norm(camera.position - middle) + _further(aimed, points)
+    distance = float(np.linalg.norm(camera.position - middle)) + _further(aimed, points)
     return (
         f"{aim}a lens of at most {lens}, or a distance of at least "
         f"{_rounded_up(distance):g} {length_unit}, would see all"

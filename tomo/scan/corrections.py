@@ -185,7 +185,7 @@ class Corrections:
                 raise ValueError(
                     f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
                     f"at most 1, the full scale of integers like those in {place}; "
-                    f"{_counts_in_words(value, self.of('bit_depth', camera))}"
+                    f"{_counts_in_words(float(value), self.of('bit_depth', camera))}"
                 )
 
     def pixels(
