@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -207,9 +208,56 @@ def _summary(report: dict, out: Path) -> str:
         lines.append(f"against the truth: {_figures(report['quality'])}")
     for camera, figures in report["held_out"].items():
         shown = {name: value for name, value in figures.items() if name != "data_range"}
-        lines.append(f"held out {camera}: {_figures(shown)}")
+        lines.append(f"held out {camera}: {_figures(shown)}{_of_used(report['views'])}")
+    if report["comparisons"]:
+        lines += _comparison(report)
     lines += [report["verdict"]["sentence"], f"open {out / 'report.html'}"]
     return "\n".join(lines)
+
+
+def _of_used(views: dict) -> str:
+    """Return the PSNR of the cameras used, to compare that of a held-out camera with."""
+    used = [v["psnr"] for v in views.values() if not (v["held_out"] or v["excluded"])]
+    known = [one for one in used if one is not None]
+    if not known:
+        return ""
+    return f" (cameras used: psnr {_number(min(known))} to {_number(max(known))})"
+
+
+def _comparison(report: dict) -> list[str]:
+    """Return a table of the method and those that it was compared with, one line each.
+
+    Held-out figures are means over the cameras; the residual is that of the cameras used.
+    """
+    heads = ["method", "held-out psnr", "held-out ssim", "nrmse", "residual", "seconds"]
+    rows = []
+    for one in (report, *report["comparisons"]):
+        held_out = one["held_out"].values()
+        alike = [_mean(figures.get(name) for figures in held_out) for name in ("psnr", "ssim")]
+        seconds = one["seconds"]["solve" if one is report else "total"]
+        error = one["quality"].get("nrmse")
+        rows.append([one["method"], *alike, error, one["relative_residual"], seconds])
+    shown = [column for column in range(len(heads)) if any(row[column] is not None for row in rows)]
+    cells = [[heads[c] for c in shown]]
+    for row in rows:
+        cells.append([v if isinstance(v := row[c], str) else _cell(v) for c in shown])
+    widths = [max(len(row[n]) for row in cells) for n in range(len(shown))]
+    return [
+        "  ".join(
+            text.rjust(width) if n else text.ljust(width)
+            for n, (text, width) in enumerate(zip(row, widths, strict=True))
+        )
+        for row in cells
+    ]
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return sum(known) / len(known) if known else None
+
+
+def _cell(value: float | None) -> str:
+    return "-" if value is None else f"{value:.4g}"
 
 
 def _figures(figures: dict) -> str:

@@ -82,6 +82,7 @@ def assemble(
         data_range=evaluated.data_range,
         truth=stages.reference.truth,
         comparisons=evaluated.comparisons,
+        compared=evaluated.compared,
         counts={
             "rays": system.projector.shape[0] * rays_of_pixel(**options.rays),
             "segments": system.projector.n_segments,

@@ -6,6 +6,7 @@ pixels with the others, and from there on seen here alone.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -73,7 +74,9 @@ class Evaluated:
     views : tuple of View
         One a camera, in the rig's order.
     data_range : float
-        The greatest difference that the images can have, for PSNR and SSIM.
+        The peak for PSNR and SSIM, see `data_range`.
+    compared : tuple of mappings
+        For each comparison, by held-out camera: the figures of `View.similarity`.
     learned : LearnedWeights, optional
         The learned weights over the segment lengths.
     record : Record
@@ -83,6 +86,7 @@ class Evaluated:
     comparisons: tuple[Solution, ...]
     views: tuple[View, ...]
     data_range: float
+    compared: tuple[Mapping[str, Mapping[str, float]], ...] = ()
     learned: LearnedWeights | None = None
     record: Record = Record()
 
@@ -146,6 +150,8 @@ def evaluate(
 ) -> Evaluated:
     """Compare the volume with the truth and its re-projections with the images."""
     views, learned = [], None
+    spread = data_range(loaded.scan, loaded.frame, screened.not_excluded)
+    alike: list[Mapping[str, Mapping[str, float]]] = [{} for _ in compared.solutions]
     with timed() as stage:
         if apart is not None:
             stage.warnings += blind_warnings(apart)
@@ -164,17 +170,20 @@ def evaluate(
                     else None
                 )
                 learned = _summary(built.system, system, found, ratios)
+            for number, other in enumerate(compared.solutions if options.hold_out else ()):
+                seen = _views_apart(apart, replace(solved, solution=other), screened, options)
+                alike[number] = {v.name: v.similarity(spread) for v in seen if v.held_out}
         order = loaded.scan.rig.names
         solutions = [
             replace(one, quality=quality(one.volume, reference.truth))
             for one in (solved.solution, *compared.solutions)
         ]
-        spread = data_range(loaded.scan, loaded.frame, screened.not_excluded)
     return Evaluated(
         solutions[0],
         tuple(solutions[1:]),
         tuple(sorted(views, key=lambda view: order.index(view.name))),
         spread,
+        tuple(alike),
         learned,
         stage.record,
     )
@@ -204,8 +213,12 @@ def views_of(
 
 
 def data_range(scan: Scan, frame: str | None, images: Images) -> float:
-    """Return 1 where integer images were scaled to 0..1, else the brightest pixel."""
-    if scan.in_full_scales(frame):
+    """Return 1, the full scale, of images in 8 bits; else the brightest pixel.
+
+    The usual peak of 8 bits is 255. Wider numbers are often wider than the camera's: the figure
+    would depend on how counts were stored.
+    """
+    if scan.in_8_bits(frame):
         return 1.0
     return max(max(float(image.max()) for image in images), float(np.finfo(np.float32).tiny))
 

@@ -41,10 +41,13 @@ class Reconstruction:
     views : tuple of View
         One a camera, in the rig's order.
     data_range : float
-        The greatest difference that the images can have, for PSNR and SSIM.
+        The peak for PSNR and SSIM: 1, the full scale, of images in 8 bits, else the brightest
+        pixel.
     truth : (nx, ny, nz) float32, optional
     comparisons : tuple of Solution
         Further methods' solutions from the same images.
+    compared : tuple of mappings
+        For each of these, by held-out camera: the figures of `tomo.pipeline.view.View.similarity`.
     counts : mapping
         ``rays, segments, voxels, active_voxels``.
     carving : mapping
@@ -93,6 +96,7 @@ class Reconstruction:
     data_range: float
     truth: NDArray[np.float32] | None = None
     comparisons: tuple[Solution, ...] = ()
+    compared: tuple[Mapping[str, Mapping[str, float]], ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     carving: Mapping[str, Any] = field(default_factory=dict)
     screening: Mapping[str, Any] | None = None

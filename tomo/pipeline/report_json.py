@@ -6,6 +6,7 @@ import importlib.metadata
 import math
 import platform
 from collections.abc import Mapping
+from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
                 "residual_over_noise": view.residual_over_noise,
                 "beyond_noise": view.beyond_noise,
                 "gain": view.gain,
+                "psnr": view.psnr(outcome.data_range),
                 "held_out": view.held_out,
                 "excluded": view.excluded,
             }
@@ -72,11 +74,14 @@ def report_of(outcome: Any) -> dict[str, Any]:
                 "method": other.settings["method"],
                 "seconds": dict(other.seconds),
                 "relative_residual": other.relative_residual,
+                "held_out": dict(held_out),
                 "stop_reason": other.stop_reason,
                 "quality": dict(other.quality),
                 "solver": dict(other.settings),
             }
-            for other in outcome.comparisons
+            for other, held_out in zip_longest(
+                outcome.comparisons, outcome.compared, fillvalue={}
+            )
         ],
         "warnings": list(outcome.warnings),
         "versions": versions(),

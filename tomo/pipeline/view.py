@@ -148,10 +148,13 @@ class View:
         total = float(reprojected.sum())
         return float(measured.sum()) / total if total > 0 else math.nan
 
+    def psnr(self, data_range: float) -> float:
+        """Return the PSNR in decibels over the whole image, unusable pixels dark."""
+        return metrics.psnr(*self._whole_images()[::-1], data_range=data_range)
+
     def similarity(self, data_range: float) -> dict[str, float]:
         """Return PSNR, SSIM and cosine similarity over the whole image, unusable pixels dark."""
-        measured = np.where(self.usable, self.measured, 0)
-        reprojected = np.where(self.usable, self.reprojected, 0)
+        measured, reprojected = self._whole_images()
         figures = {
             "psnr": metrics.psnr(reprojected, measured, data_range=data_range),
             "cosine": metrics.cosine_similarity(reprojected, measured),
@@ -160,6 +163,10 @@ class View:
         if min(measured.shape) >= 7 and measured.any():  # the window of SSIM; dark is 0 / 0
             figures["ssim"] = metrics.ssim(reprojected, measured, data_range=data_range)
         return figures
+
+    def _whole_images(self) -> tuple[NDArray, NDArray]:
+        usable = self.usable
+        return np.where(usable, self.measured, 0), np.where(usable, self.reprojected, 0)
 
     def _usable_pixels(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         usable = self.usable

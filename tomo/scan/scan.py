@@ -18,7 +18,7 @@ from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
 from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
-from tomo.scan.corrections import Corrections, holds_integers
+from tomo.scan.corrections import Corrections, holds_integers, is_of_8_bits
 from tomo.scan.films import FilmFrame
 from tomo.scan.frames import Frame, find_frame
 from tomo.scan.radiometry import Radiometry
@@ -418,6 +418,14 @@ class Scan:
         """Tell whether 1 is the full scale of all images of a frame, once they are corrected."""
         is_scaled = self.corrections.gain is not None or self.radiometry is not None
         return not is_scaled and self.holds_integers(frame)
+
+    def in_8_bits(self, frame: str | None = None) -> bool:
+        """Tell whether 1 stands for 255, the full scale of all images of a frame.
+
+        Wider numbers say nothing of a camera: 12 bits are often stored in 16.
+        """
+        images = self.frame(frame).images.values()
+        return self.in_full_scales(frame) and all(map(is_of_8_bits, images))
 
     @cached_property
     def per_count(self) -> dict[str, float] | None:

@@ -9,7 +9,7 @@ that only follow noise do not lower that error.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol
 
 import numpy as np
@@ -222,7 +222,11 @@ class FlippedCause:
         turned = view.predicted[:: -1 if self.down else 1, :: -1 if self.across else 1]
         motions = motions_of("shift", view.mask.shape)
         fit = register_motions(turned, view.measured, view.mask, motions)
-        return _of_fit(view, fit, "mirrored", self.words, ("right", "down"), choices=2)
+        found = _of_fit(view, fit, "mirrored", self.words, ("right", "down"), choices=2)
+        if self.across and self.down:  # no mirror: half a turn
+            return _turned(found, 180)
+        mirrored = {"mirrored across": float(self.across), "mirrored down": float(self.down)}
+        return replace(found, parameters={**found.parameters, **mirrored})
 
 
 @dataclass(frozen=True)
@@ -244,8 +248,15 @@ class TurnedCause:
             return None
         turned = np.ascontiguousarray(np.rot90(view.predicted, self.quarters))
         fit = register_motions(turned, view.measured, view.mask, motions_of("shift", (rows, rows)))
-        words = f"mirrored or turned by {90 * self.quarters} degrees"
-        return _of_fit(view, fit, "mirrored", words, ("right", "down"), choices=2)
+        degrees = (360 - 90 * self.quarters) % 360
+        words = f"turned by {degrees} degrees clockwise"
+        found = _of_fit(view, fit, "turned", words, ("right", "down"), choices=2)
+        return _turned(found, degrees)
+
+
+def _turned(found: Explained, degrees: int) -> Explained:
+    """Return what a turn explains, with its degrees clockwise among the parameters."""
+    return replace(found, cause="turned", parameters={**found.parameters, "degrees": degrees})
 
 
 @dataclass(frozen=True)
@@ -271,7 +282,7 @@ CAUSES: tuple[Cause, ...] = (
     SwappedCause(),
     FlippedCause("mirrored left to right", across=True, down=False),
     FlippedCause("mirrored upside down", across=False, down=True),
-    FlippedCause("mirrored both ways, turned by 180 degrees", across=True, down=True),
+    FlippedCause("turned by 180 degrees, mirrored both ways", across=True, down=True),
     TurnedCause(1),
     TurnedCause(3),
     HiddenCause(),

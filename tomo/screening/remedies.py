@@ -143,7 +143,14 @@ ADVICE: Mapping[str, Callable[[str, Explained], str]] = {
     ),
     "pointing": lambda name, found: f"Calibrate it again, or run with --refine-cameras {name}",
     "swapped": lambda name, found: "Check which camera's images its folder holds",
-    "mirrored": lambda name, found: "Turn its images over as they were recorded",
+    "turned": lambda name, found: (
+        "Let the rig say so: flametomo convert-rig rig.yaml turned.yaml --rotate "
+        f"{name}={found.parameters['degrees']:.0f}, and reconstruct with turned.yaml in its place"
+    ),
+    "mirrored": lambda name, found: (
+        "Mirror its images back, in Python image"
+        f"{'[:, ::-1]' if found.parameters['mirrored across'] else '[::-1]'}: a rig cannot say it"
+    ),
     "hidden": lambda name, found: "Give a mask of what it sees in scan.yaml: corrections: mask",
     "saturation": lambda name, found: (
         "Expose it shorter, or set in scan.yaml: corrections: "

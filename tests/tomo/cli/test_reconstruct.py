@@ -79,7 +79,10 @@ def test_the_report_is_printed_written_and_true(done, scan):
     assert report["quality"]["cosine_distance"] < 0.05
     assert list(report["held_out"]) == ["cam02"]
     assert report["held_out"]["cam02"]["psnr"] > 25
-    assert [one["method"] for one in report["comparisons"]] == ["sirt"]
+    (other,) = report["comparisons"]
+    assert other["method"] == "sirt"
+    assert set(other["held_out"]["cam02"]) == set(report["held_out"]["cam02"])
+    assert other["held_out"]["cam02"]["psnr"] < report["held_out"]["cam02"]["psnr"]
 
 
 def test_the_summary_is_on_stderr_one_line_a_fact(done):
@@ -93,6 +96,12 @@ def test_the_summary_is_on_stderr_one_line_a_fact(done):
     assert all(answer < next(n for n, x in enumerate(lines) if one in x) for one in said)
     assert sum(line.startswith("held out cam02: psnr ") for line in lines) == 1
     assert report["verdict"]["sentence"] in lines[-2:]
+    head, own, other = lines[-5:-2]
+    assert " ".join(head.split()) == "method held-out psnr held-out ssim nrmse residual seconds"
+    assert own.split()[0] == report["method"]
+    assert float(other.split()[1]) == pytest.approx(
+        report["comparisons"][0]["held_out"]["cam02"]["psnr"], rel=1e-3
+    )
 
 
 def test_report_json_is_written_last(done):

@@ -8,6 +8,7 @@ import tifffile
 
 from tomo import load_scan
 from tomo.pipeline import Options, reconstruct
+from tomo.pipeline.evaluate import data_range
 from tomo.report.outcome_files import results_of
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
@@ -82,16 +83,33 @@ def test_comparisons_change_nothing(folder, volume_of):
     assert found.seconds["compare"] > 0
 
 
-def test_integer_images_are_evaluated_over_their_full_scale(copy, outcome):
+@pytest.mark.parametrize(("kind", "full"), [(np.uint8, 255), (np.uint16, 4095)])
+def test_8_bit_images_have_their_full_scale_for_peak_others_the_brightest_pixel(copy, kind, full):
+    """12 bits stored in 16 do not gain 24 dB by it."""
+    tops = []
+    for path in copy.glob("images/*/*.tif"):
+        pixels = np.round(tifffile.imread(path) / 4 * full).astype(kind)
+        tops.append(pixels.max() / np.iinfo(kind).max)
+        tifffile.imwrite(path, pixels)
+    scan = load_scan(copy)
+    found = data_range(scan, None, scan.images())
+    assert found == pytest.approx(1 if full == 255 else max(tops), rel=1e-6)
+
+
+def test_integer_images_have_full_scales_for_unit(copy, outcome):
     for path in copy.glob("images/*/*.tif"):
         pixels = tifffile.imread(path)
         tifffile.imwrite(path, np.round(pixels / 4 * 65535).astype(np.uint16))
     found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"], **SIRT))
-    assert found.data_range == 1
     assert found.value_unit == found.report()["scan"]["value_unit"] == "full scales per mm"
     assert outcome.value_unit == "image units per mm"
     brightest = max(tifffile.imread(p).max() for p in copy.glob("images/*/*.tif")) / 65535
     assert outcome.data_range == pytest.approx(4 * brightest, rel=1e-3)
+    assert found.data_range == pytest.approx(brightest, rel=1e-3)
+    report = found.report()
+    held_out, used = report["held_out"]["cam02"]["psnr"], report["views"]["cam01"]["psnr"]
+    assert report["views"]["cam02"]["psnr"] == held_out
+    assert used > held_out - 1
 
 
 def test_dark_images_give_an_empty_volume_and_a_warning(copy):
