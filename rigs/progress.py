@@ -1,11 +1,13 @@
 """Progress of long work: a callable, or a bar in a terminal or a notebook.
 
 Functions that take long have a parameter ``progress``: None is silent, True shows a bar, and a
-callable is called with the parts done, all parts (0: not known yet) and the step in words.
+callable is called with the parts done, all parts (0: not known yet) and the step in words. Where
+stderr is no terminal, as in a log, there is a line for each stage instead of a bar.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -20,6 +22,9 @@ Progress = Callable[[int, int, str], None]
 
 STAGE = "plan: "
 """How steps begin that are a stage by itself, with a line of its own."""
+
+PAUSE = 10.0
+"""Seconds between two lines of one stage where there is no terminal: more often fills logs."""
 
 FRAMES = "frames"
 """The name of a bar that counts frames: it says their rate."""
@@ -48,7 +53,8 @@ def progress_of(progress: Progress | bool | None, name: str) -> Iterator[Progres
     1 3 cam00
     """
     if progress is True:
-        with _bar(name) as show:
+        console = stderr()
+        with (_bar if console.is_terminal or console.is_jupyter else _lines)(name) as show:
             yield show
         return
     if progress and not callable(progress):
@@ -113,6 +119,29 @@ def stderr() -> Console:
     from rich.console import Console
 
     return Console(stderr=True)
+
+
+@contextmanager
+def _lines(name: str) -> Iterator[Progress]:
+    """Print a line when a stage begins, and then how far it is, at most one in `PAUSE` seconds."""
+    began = last = time.monotonic()
+    current: str | None = None
+
+    def show(done: int, total: int, step: str = "") -> None:
+        nonlocal current, last
+        stage, step = stage_of(step)
+        now = time.monotonic()
+        if stage == current and now - last < PAUSE:
+            return
+        is_new, current, last = stage != current, stage, now
+        share = f"{done / total:.0%}" if total else ""
+        words = [part for part in (stage, "" if stage and is_new else share, step) if part]
+        line = ", ".join(words) or "at work"
+        stderr().print(
+            f"{name} {clock(now - began)}: {line}", markup=False, highlight=False, soft_wrap=True
+        )
+
+    yield show
 
 
 @contextmanager

@@ -12,6 +12,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.check.coverage import coverage
 from rigs.check.lines_of_sight import field_of_view
+from rigs.geometry.points import evenly_spread
 from rigs.rig import Rig
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
@@ -28,6 +29,7 @@ _LENGTHS = {
 WIDEST = 150.0
 """Degrees across an image, by lenses other than fisheyes; wider ones are an error of unit."""
 
+_POINTS = 60  # of the volume, at which units and conventions are tried
 _COARSE = 8.0  # voxels per pixel; no rig is built with coarser pixels
 _FINE = 1 / 8  # voxels per pixel; finer ones with little of the volume in view are an error
 
@@ -87,6 +89,11 @@ def find_convention_errors(
         text = f"pixels are {np.median(size):.3g} voxels wide at the volume, in every camera"
         return (ConventionError(f"{text}: rig and grid seem to be in different units", rig.names),)
     return ()
+
+
+def few_of(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return as many of the points of a volume, evenly spread, as the errors are looked for at."""
+    return points[evenly_spread(len(points), _POINTS)]
 
 
 def _best(

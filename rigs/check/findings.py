@@ -9,18 +9,16 @@ from numpy.typing import NDArray
 
 from rigs.camera_protocol import has_lens
 from rigs.check.accuracy import assumed_accuracy
-from rigs.check.convention_errors import WIDEST, find_convention_errors
+from rigs.check.convention_errors import WIDEST, few_of, find_convention_errors
 from rigs.check.details import details
 from rigs.check.field_of_view_cure import how_to_see_all
 from rigs.check.grid_choice import grid_choice
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import glass, hardware
 from rigs.check.words import short
-from rigs.geometry.points import evenly_spread
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
-_CONVENTION_POINTS = 60  # of the volume, at which units and conventions are tried
 _SILENT = 0.1  # voxels; lines of sight that miss by less change no voxel
 
 
@@ -57,9 +55,7 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
 def _conventions(check: RigCheck) -> Iterator[Finding]:
     """Find mixed up units and conventions, and cameras that are upside down."""
     rig = check.coverage.rig
-    points = check.coverage.points
-    points = points[evenly_spread(len(points), _CONVENTION_POINTS)]
-    for error in find_convention_errors(rig, points, check.voxel):
+    for error in find_convention_errors(rig, few_of(check.coverage.points), check.voxel):
         yield Finding("fault", error.text, error.cameras)
     down = np.array([camera.R[1] for camera in rig])
     most = down.sum(axis=0)

@@ -60,6 +60,15 @@ def suitable_voxel(check: RigCheck, pixel: float) -> float:
     return float(f"{digits}e{power}")  # as text says it: 0.3, not 0.30000000000000004
 
 
+def shrinkable(pixel: float) -> int | None:
+    """Return by how much images may be shrunk whose pixels are ``pixel`` voxels wide; None: not.
+
+    Two pixels a voxel are left.
+    """
+    scale = int(_SHRUNK_PIXEL / pixel)
+    return scale if pixel < _FINE_PIXEL and scale > 1 else None
+
+
 def _options(check: RigCheck, pixel: float, voxel: float) -> str:
     """Return the options of such voxels, and of images shrunk to half of one, in words."""
     counts = np.ceil(check.extent / voxel - 1e-6).astype(int)
@@ -68,6 +77,6 @@ def _options(check: RigCheck, pixel: float, voxel: float) -> str:
     center = np.round((lower + upper) / 2 / check.voxel, 3) * check.voxel + 0.0
     if center.any():
         text += f" --center {','.join(f'{value:.6g}' for value in center)}"
-    if pixel < _FINE_PIXEL * voxel:
-        text += f" --scale {int(_SHRUNK_PIXEL * voxel / pixel)}"
+    if (scale := shrinkable(pixel / voxel)) is not None:
+        text += f" --scale {scale}"
     return text

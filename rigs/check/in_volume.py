@@ -8,6 +8,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.check.convention_errors import ConventionError, few_of, find_convention_errors
+from rigs.check.coverage import PIXEL_ACCURACY, coverage
+from rigs.check.grid_choice import shrinkable
 from rigs.check.result import RigCheck
 from rigs.check.rig_check import check_points
 from rigs.rig import Rig, Volume
@@ -75,6 +78,26 @@ def check_rig(
         weights=np.einsum("i,j,k->ijk", *ends).ravel(),
     )
     return replace(check, volume=box, lattice=coarse)
+
+
+def convention_errors_in(rig: Rig, volume: Box) -> tuple[ConventionError, ...]:
+    """Return the errors of unit and convention that `check_rig` finds, without the rest of it."""
+    voxel = float(np.prod(volume.spacing) ** (1 / 3))
+    return find_convention_errors(rig, few_of(centers_of(lattice(volume))), voxel)
+
+
+def scale_for(rig: Rig, volume: Box) -> tuple[float, int] | None:
+    """Return the width of a voxel in pixels and by how much images may be shrunk; None: not.
+
+    The rule is that of `check_rig`, at few points of the volume.
+    """
+    footprint = coverage(rig, few_of(centers_of(lattice(volume)))).footprint
+    sizes = [np.nanmedian(one) for one in footprint if np.isfinite(one).any()]
+    if not sizes:
+        return None
+    pixel = float(np.median(sizes)) / float(np.prod(volume.spacing) ** (1 / 3))
+    scale = shrinkable(pixel)
+    return None if scale is None else (1 / pixel, scale)
 
 
 def lattice(volume: Box, most: int = MOST_POINTS) -> Volume:

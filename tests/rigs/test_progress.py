@@ -1,6 +1,8 @@
 """Progress: silent, a callable, or a bar in a terminal and in a notebook."""
 
 import io
+import itertools
+import re
 
 import pytest
 from rich.console import Console
@@ -42,9 +44,18 @@ def test_what_is_neither_is_refused():
         pass
 
 
+TERMINAL = {"force_terminal": True, "color_system": None, "_environ": {"TERM": "xterm"}}
+
+
+def lines_of(text):
+    """Return the lines that a terminal shows at the end."""
+    last = re.split(r"\x1b\[\d?A", text)[-1]
+    plain = re.sub(r"\x1b\[[?0-9;]*[A-Za-z]", "", last).replace("\r", "")
+    return [line for line in plain.splitlines() if line.strip()]
+
+
 def test_a_bar_has_its_name_the_part_done_and_the_step(monkeypatch):
-    text = shown(monkeypatch, "trace", [(1, 4, "cam00")])
-    (line,) = text.strip().splitlines()
+    line = lines_of(shown(monkeypatch, "trace", [(1, 4, "cam00")], **TERMINAL))[-1]
     assert line.startswith("trace")
     assert "25 %" in line
     assert line.rstrip().endswith("cam00")
@@ -52,10 +63,23 @@ def test_a_bar_has_its_name_the_part_done_and_the_step(monkeypatch):
 
 def test_stages_have_lines_of_their_own_before_the_frames(monkeypatch):
     calls = [(0, 0, "plan: tracing"), (1, 5, "plan: tracing: cam01"), (3, 3, "frame 2")]
-    first, second = shown(monkeypatch, FRAMES, calls).strip().splitlines()
+    first, second = lines_of(shown(monkeypatch, FRAMES, calls, **TERMINAL))[-2:]
     assert first.startswith("tracing")
     assert second.startswith("frames")
     assert "3 in 0:00" in second
+
+
+def test_without_a_terminal_each_stage_has_a_line_and_few_more(monkeypatch):
+    now = itertools.count(0, 4)  # seconds, at each call
+    monkeypatch.setattr(rigs.progress.time, "monotonic", lambda: next(now))
+    calls = [(0, 0, "plan: tracing"), *((n, 8, f"plan: choosing: setting {n}") for n in range(8))]
+    lines = shown(monkeypatch, "reconstruct", calls).splitlines()
+    assert lines == [
+        "reconstruct 0:04: tracing",
+        "reconstruct 0:08: choosing, setting 0",
+        "reconstruct 0:20: choosing, 38%, setting 3",
+        "reconstruct 0:32: choosing, 75%, setting 6",
+    ]
 
 
 def test_a_bar_goes_to_stderr(capsys):

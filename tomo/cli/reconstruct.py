@@ -131,6 +131,7 @@ def reconstruct(
         voxels = None
         if any(option is not None for option in given):
             voxels = parse_grid(*given, default=loaded.grid)
+        _say_scale(loaded, voxels or loaded.grid)
         if options.frames is not None:
             cluster = _cluster(workers, scheduler)
             return _series(loaded, voxels, options, out, pictures, json, cluster)
@@ -142,6 +143,19 @@ def reconstruct(
     say(_summary(report, out))
     if json:
         print_json(report)
+
+
+def _say_scale(scan: Scan, grid: VoxelGrid | None) -> None:
+    """Say that smaller images would do, where check-rig says so."""
+    from rigs.check import scale_for
+
+    found = None if grid is None else scale_for(scan.rig, grid)
+    if found is not None:
+        pixels, times = found
+        say(
+            f"note: a voxel is {pixels:.0f} pixels wide: --scale {times * scan.shrink} loses little "
+            f"and takes {times**2} times fewer pixels"
+        )
 
 
 def _cluster(workers: int | None, scheduler: str | None) -> AbstractContextManager | None:
@@ -237,7 +251,9 @@ def _comparison(report: dict) -> list[str]:
         seconds = one["seconds"]["solve" if one is report else "total"]
         error = one["quality"].get("nrmse")
         rows.append([one["method"], *alike, error, one["relative_residual"], seconds])
-    shown = [column for column in range(len(heads)) if any(row[column] is not None for row in rows)]
+    shown = [
+        column for column in range(len(heads)) if any(row[column] is not None for row in rows)
+    ]
     cells = [[heads[c] for c in shown]]
     for row in rows:
         cells.append([v if isinstance(v := row[c], str) else _cell(v) for c in shown])

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from rigs.progress import Progress
 from tomo.operators.view_gains import NOTEWORTHY, Gains
 from tomo.pipeline.advice import lines_for_gains
 from tomo.pipeline.basis import BLOCK
@@ -52,7 +53,10 @@ class ExplainedScan:
 
 
 def explain_images(
-    built: WeightedSystem, screened: ScreenedScan, options: Options
+    built: WeightedSystem,
+    screened: ScreenedScan,
+    options: Options,
+    progress: Progress | None = None,
 ) -> ExplainedScan:
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
@@ -66,7 +70,7 @@ def explain_images(
             found = explain(given, causes, sample.evidence, asked)
             corrected = _corrected(built, found, sample, options)
             if found.best is not found.as_given and not asked:
-                found, corrected = _confirmed(found, built, corrected)
+                found, corrected = _confirmed(found, built, corrected, progress)
             built = corrected
             light = _light(found, {**options.rays, "tracer": options.tracer})
             report = {**found.report(), "absorption": light}
@@ -112,7 +116,10 @@ def with_gains(built: WeightedSystem, gains: Gains | None) -> WeightedSystem:
 
 
 def _confirmed(
-    found: Explained, given: WeightedSystem, corrected: WeightedSystem
+    found: Explained,
+    given: WeightedSystem,
+    corrected: WeightedSystem,
+    progress: Progress | None,
 ) -> tuple[Explained, WeightedSystem]:
     """Return the causes found if the default, with them, predicts left-out pixels better.
 
@@ -121,7 +128,11 @@ def _confirmed(
     """
     blocks = given.system.blocks(BLOCK)
     choice = choose_by_left_out_pixels(
-        given.system.projector, given.measured, blocks=blocks, weights=given.weights
+        given.system.projector,
+        given.measured,
+        blocks=blocks,
+        weights=given.weights,
+        progress=progress,
     )
     residual = left_out_residual(
         corrected.system.projector,

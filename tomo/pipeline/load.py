@@ -45,12 +45,19 @@ class LoadedScan:
     record: Record = Record()
 
 
-def load(scan: Scan, frame: str | None, grid: VoxelGrid | None = None) -> LoadedScan:
+def load(
+    scan: Scan,
+    frame: str | None,
+    grid: VoxelGrid | None = None,
+    doubts: Sequence[str] = (),
+) -> LoadedScan:
     """Read a frame's images; the first frame's when None.
 
     Pixels that see hardware of the rig's scene alone, and nothing of ``grid``, are not usable.
+    ``doubts`` about the rig are the first warnings.
     """
     with timed() as stage:
+        stage.warnings += doubts
         name = scan.frame(frame).name
         images, masks, saturated = scan.read_with_saturation(name)
         stage.warnings += _of_saturation(saturated)

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import time
 
-from rigs.progress import Progress, progress_of
+from rigs.progress import Progress, progress_of, staged
 from tomo.grid import VoxelGrid
 from tomo.pipeline.assemble import Stages, assemble
 from tomo.pipeline.assess import assess
 from tomo.pipeline.build import build
-from tomo.pipeline.check_options import as_asked, cameras_to_refine, check_options
+from tomo.pipeline.check_cameras import check_cameras
+from tomo.pipeline.check_options import (
+    as_asked,
+    cameras_to_refine,
+    check_options,
+    may_learn,
+)
 from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
 from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
@@ -58,10 +64,13 @@ def _run_stages(
 ) -> Reconstruction:
     began, grid = time.perf_counter(), scan.grid if grid is None else grid
     check_options(options, scan, grid)
-    scan = as_asked(scan, options)
+    scan, stage = as_asked(scan, options), staged(progress)
+    doubts = check_cameras(scan, grid, options)
     reference = read_reference(scan, grid, options.frame)  # evaluate's; it may be unreadable
-    loaded = load(scan, options.frame, grid)
+    loaded = load(scan, options.frame, grid, doubts)
+    stage("compiling")
     first_use = warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
+    stage("pixels and cameras")
     screened = screen(
         loaded,
         grid,
@@ -71,19 +80,25 @@ def _run_stages(
         scale=options.fit_gain is not False,
     )
     refine = cameras_to_refine(options, scan)
-    registered = register_screened(screened, grid, options, refine, progress)
-    traced = trace_views(screened, registered, grid, options, progress)
+    told = stage("where cameras look, empty voxels")
+    registered = register_screened(screened, grid, options, refine, told)
+    traced = trace_views(screened, registered, grid, options, stage("tracing"))
     apart = trace_apart(screened, traced.system, options)
+    told = stage("gains, absorption, basis")
     built = build(screened, traced, options)
-    explained = explain_images(built, screened, options)
-    solved = solve(explained.built, options, watch=reference.watch, progress=progress)
+    explained = explain_images(built, screened, options, told)
+    told = stage("smoothness and solve")
+    solved = solve(explained.built, options, watch=reference.watch, progress=told)
     solved = with_own_absorption(solved, options)
-    learned = learn(solved, screened, options, watch=reference.watch, progress=progress)
+    told = stage("learning") if may_learn(options) else None
+    learned = learn(solved, screened, options, watch=reference.watch, progress=told)
     solved = learned.solved
-    compared = compare(solved.built, options, watch=reference.watch, progress=progress)
+    told = stage("comparing") if options.compare else None
+    compared = compare(solved.built, options, watch=reference.watch, progress=told)
+    stage("predicted images")
     evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
-    light = screened.unmodelled_light
-    assessed = assess(registered, solved, options, unmodelled_light=light, progress=progress)
+    light, told = screened.unmodelled_light, stage("how far to trust it")
+    assessed = assess(registered, solved, options, unmodelled_light=light, progress=told)
     stages = Stages(
         reference, loaded, screened, registered, traced, built, explained, solved, learned,
         compared, evaluated, assessed,

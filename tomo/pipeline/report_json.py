@@ -79,9 +79,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
                 "quality": dict(other.quality),
                 "solver": dict(other.settings),
             }
-            for other, held_out in zip_longest(
-                outcome.comparisons, outcome.compared, fillvalue={}
-            )
+            for other, held_out in zip_longest(outcome.comparisons, outcome.compared, fillvalue={})
         ],
         "warnings": list(outcome.warnings),
         "versions": versions(),

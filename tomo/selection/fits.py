@@ -78,7 +78,8 @@ class Fits:
         key = width, strength
         if key not in self.done:
             if self.progress:
-                where = f"choosing: width {width:g}, strength {strength:g}"
+                number = len(self.done) + 1
+                where = f"choosing: setting {number}, width {width:g}, strength {strength:g}"
                 self.progress(min(len(self.done), self.total - 1), self.total, where)
             self.done[key] = self._run(width, strength)
         return self.done[key]

@@ -18,6 +18,7 @@ from tomo.measurement import NoiseModel, estimate_noise
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem, build
+from tomo.pipeline.check_cameras import check_cameras
 from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import data_range, read_reference, system_apart, trace_apart
 from tomo.pipeline.explain import explain_images
@@ -114,7 +115,7 @@ def make_plan(
         The frames, by their places in the scan.
     progress : callable, optional
     """
-    stage = staged(progress)
+    stage, doubts = staged(progress), check_cameras(scan, grid, options)
     stage("compiling")
     warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
     stage("reading key frames")
@@ -156,7 +157,7 @@ def make_plan(
     plan = Plan(
         scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
         emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
-        (*scan.remarks, *(line for one in records for line in one.warnings)), explained.report,
+        (*doubts, *scan.remarks, *(line for one in records for line in one.warnings)), explained.report,
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:
         return plan

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import tifffile
 
+from rigs.progress import stage_of
 from tomo import load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.pipeline.evaluate import data_range
@@ -49,12 +50,19 @@ def test_progress_is_reported_all_the_way(folder, method):
         progress=lambda *call: calls.append(call),
     )
     assert all(0 <= done <= total for done, total, _ in calls)
-    where = [place for _, _, place in calls]
-    assert where[:7] == [*(f"cam0{n}" for n in range(6)), ""]
-    assert any(place.startswith("choosing: ") for place in where) == (method == "auto")
-    done, total, name = calls[-1]
-    assert done == total
-    assert name == ("intervals: without some cameras" if method == "auto" else "sirt")
+    where = [stage_of(place) for _, _, place in calls]
+    stages = list(dict.fromkeys(stage for stage, _ in where))
+    assert stages[0] == "compiling"
+    assert stages[-1] == "how far to trust it"
+    assert [step for stage, step in where if stage == "tracing" and step] == [
+        f"cam0{n}" for n in range(6)
+    ]
+    solving = [step for stage, step in where if stage == "smoothness and solve"]
+    assert any(step.startswith("choosing: setting 2") for step in solving) == (method == "auto")
+    if method == "auto":
+        done, total, name = calls[-1]
+        assert done == total
+        assert stage_of(name)[1] == "intervals: without some cameras"
 
 
 SIRT = {"method": "sirt", "iterations": 5}

@@ -1,0 +1,31 @@
+"""Before anything is read: whether the cameras can be right, by the check of rigs."""
+
+from __future__ import annotations
+
+from rigs.check import convention_errors_in
+from tomo.grid import VoxelGrid
+from tomo.pipeline.options import Options
+from tomo.scan import Scan
+
+
+def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
+    """Return lines on errors of unit and convention, as ``check-rig`` finds them.
+
+    Raises
+    ------
+    ValueError
+        If all cameras have one, and `Options.screen` is on: no volume comes of it.
+    """
+    lines = []
+    for error in convention_errors_in(scan.rig, grid):
+        everyone = set(error.cameras) >= set(scan.rig.names)
+        who = "all cameras" if everyone else f"camera {', '.join(error.cameras)}"
+        line = (
+            f"{who}: {error.text}. Correct the rig or the grid; flametomo check-rig shows what the "
+            "cameras see"
+        )
+        if everyone and options.screen:
+            where = "" if scan.source is None else f"{scan.source}: "
+            raise ValueError(f"{where}{line}. --no-screen reconstructs all the same")
+        lines.append(line)
+    return lines
