@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "background": ["background", "below_zero"],
         "bad_pixels": ["usable_pixels"],
+        "dead_lines": ["DeadLines", "find_dead_lines"],
         "noise_model": ["NoiseModel", "estimate_noise"],
         "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +111,7 @@ def assemble(
             "source": None if scan.source is None else str(Path(scan.source).absolute()),
             "scale": scan.shrink,
             **scan.corrections.colours,
+            "dead_lines": {n: asdict(lines) for n, lines in stages.load.dead_lines.items()},
             "value_unit": scan.value_unit(stages.load.frame),
             **({} if scan.radiometry is None else {"radiometry": _radiometry(scan)}),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},

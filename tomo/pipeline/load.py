@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigs.recordings import image_notes
 from tomo.grid import VoxelGrid
+from tomo.measurement import DeadLines
 from tomo.pipeline.stage import Record, timed
 from tomo.rays.visible_pixels import pixels_of_hardware
 from tomo.scan import Scan
@@ -36,6 +37,8 @@ class LoadedScan:
     masks : list of (height, width) bool
         True where a pixel is usable.
     record : Record
+    dead_lines : mapping of str to DeadLines
+        Those of each camera that has some, in its images as recorded.
     """
 
     scan: Scan
@@ -43,6 +46,7 @@ class LoadedScan:
     images: Images
     masks: Masks
     record: Record = Record()
+    dead_lines: Mapping[str, DeadLines] = field(default_factory=dict)
 
 
 def load(
@@ -59,8 +63,9 @@ def load(
     with timed() as stage:
         stage.warnings += doubts
         name = scan.frame(frame).name
-        images, masks, saturated = scan.read_with_saturation(name)
+        images, masks, saturated, dead = scan.read_with_faults(name)
         stage.warnings += _of_saturation(saturated)
+        stage.warnings += _of_dead_lines(dead)
         stage.warnings += scan.remarks
         stage.warnings += image_notes(
             {
@@ -73,7 +78,7 @@ def load(
             hidden = [pixels_of_hardware(camera, grid) for camera in scan.rig]
             stage.warnings += _of_hardware(scan.rig.names, hidden)
             masks = [usable & ~ended for usable, ended in zip(masks, hidden, strict=True)]
-    return LoadedScan(scan, name, images, masks, stage.record)
+    return LoadedScan(scan, name, images, masks, stage.record, dead)
 
 
 def _of_hardware(names: Sequence[str], hidden: Sequence[NDArray[np.bool_]]) -> list[str]:
@@ -100,4 +105,14 @@ def _of_saturation(saturated: Mapping[str, float]) -> list[str]:
         + (f", and too many of {len(names) - 1} more cameras" if len(names) > 1 else "")
         + ": they were left out. Expose for a shorter time. Where a camera saturates below full "
         f"scale, say so in scan.yaml: {correction_line('saturation', {worst: 0.98})}"
+    ]
+
+
+def _of_dead_lines(found: Mapping[str, DeadLines]) -> list[str]:
+    """Return a line for each camera with dead rows or columns."""
+    return [
+        f"camera {name}: {lines} of its image {'is' if lines.count == 1 else 'are'} dead: one "
+        "value all along, beside lit pixels. The pixels are left out. Let the camera's map of bad "
+        "pixels know, or mask them in scan.yaml (corrections: mask)"
+        for name, lines in found.items()
     ]

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from rigs.recordings.mosaic import COLOURS, Mosaic
 from rigs.recordings.still import CHANNELS
+from tomo.measurement import DeadLines, find_dead_lines
 from tomo.scan.films import FilmFrame
 
 
@@ -114,7 +115,7 @@ class Corrections:
         size: tuple[int, int],
         source: Path | None = None,
         per_count: float | None = None,
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_]]:
+    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], DeadLines]:
         """Read a camera's image, unless it is in memory, and correct it.
 
         Parameters
@@ -137,6 +138,8 @@ class Corrections:
         usable : (height, width) bool
         full : (height, width) bool
             True where an integer pixel is at full scale: its light is not known.
+        dead_lines : DeadLines
+            Rows and columns that are not usable, see `tomo.measurement.find_dead_lines`.
 
         Raises
         ------
@@ -159,6 +162,9 @@ class Corrections:
         dark, flat, gain = (self.pixels(name, camera, size) for name in ("dark", "flat", "gain"))
         full = _plateau(raw >= 1) if holds_integers(image) else np.zeros(raw.shape, bool)
         usable = usable & ~full
+        dead_lines = find_dead_lines(raw, usable)
+        if dead_lines:
+            usable &= ~dead_lines.pixels(usable.shape)
         saturation = self.of("saturation", camera)
         if saturation is not None:
             usable = usable & (raw < saturation)
@@ -171,7 +177,7 @@ class Corrections:
             values = values * gain
         if per_count is not None:
             values = values * np.float64(full_scale * per_count)
-        return np.where(usable, values, 0).astype(np.float32), usable, full
+        return np.where(usable, values, 0).astype(np.float32), usable, full, dead_lines
 
     def _check_scale(
         self, image: Path | NDArray | FilmFrame, camera: str, source: Path | None

@@ -56,7 +56,7 @@ def counts_of_known_light(
         how = replace(how, dark={camera: dark})
     place = f"camera {camera}: "
     try:
-        counts, usable, _ = how.corrected(image, camera, size, per_count=1.0)
+        counts, usable, *_ = how.corrected(image, camera, size, per_count=1.0)
         mask = how.pixels("mask", camera, size)
     except ValueError as error:  # a FrameError would be one frame's, and could be skipped
         raise ValueError(f"calibration.image: {error}") from error

@@ -17,6 +17,7 @@ from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
 from tomo.io.xarray_volumes import xarray_or_pip_line
+from tomo.measurement import DeadLines
 from tomo.scan.arrays import all_of_area, area_means, stacks_of
 from tomo.scan.corrections import Corrections, holds_integers, is_of_8_bits
 from tomo.scan.films import FilmFrame
@@ -383,21 +384,23 @@ class Scan:
         FileNotFoundError
             If an image or a correction's image is missing.
         """
-        images, masks, _ = self.read_with_saturation(frame)
+        images, masks, *_ = self.read_with_faults(frame)
         return images, masks
 
-    def read_with_saturation(
+    def read_with_faults(
         self, frame: str | None = None
-    ) -> tuple[Images, Masks, dict[str, float]]:
-        """Return what `read` does, and the fraction of each camera's bright pixels at full scale.
+    ) -> tuple[Images, Masks, dict[str, float], dict[str, DeadLines]]:
+        """Return what `read` does, the fraction of bright pixels at full scale, and dead lines.
 
-        Pixels are bright at full scale and above half of the brightest other one. It is 0 for
-        images of no integers.
+        Both by camera. Pixels are bright at full scale and above half of the brightest other one;
+        the fraction is 0 for images of no integers. Dead lines are those of images as recorded,
+        before they are shrunk; only cameras that have some are named.
         """
-        chosen = self.frame(frame)
-        found = [self._read_one(chosen, name) for name in self.rig.names]
-        images, masks, saturated = map(list, zip(*found, strict=True))
-        return images, masks, dict(zip(self.rig.names, saturated, strict=True))
+        chosen, names = self.frame(frame), self.rig.names
+        found = [self._read_one(chosen, name) for name in names]
+        images, masks, saturated, dead = map(list, zip(*found, strict=True))
+        lines = {name: each for name, each in zip(names, dead, strict=True) if each}
+        return images, masks, dict(zip(names, saturated, strict=True)), lines
 
     def holds_integers(self, frame: str | None = None) -> bool:
         """Tell whether all images of a frame hold integers, which reading scales to 0..1."""
@@ -473,7 +476,7 @@ class Scan:
             )
         return data, grid
 
-    def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray, float]:
+    def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray, float, DeadLines]:
         if camera not in frame.images:
             raise ValueError(
                 f"{self._where}frame {frame.name!r}: camera {camera}: found no image, "
@@ -481,10 +484,10 @@ class Scan:
             )
         path, size = frame.images[camera], self.recorded_sizes[camera]
         per_count = None if self.per_count is None else self.per_count[camera]
-        image, usable, full = self.corrections.corrected(
+        image, usable, full, dead = self.corrections.corrected(
             path, camera, size, self.source, per_count
         )
         count = np.count_nonzero(full)
         bright = np.count_nonzero(image > 0.5 * image.max(initial=0.0)) if count else 0
         saturated = count / (count + bright) if count else 0.0
-        return area_means(image, self.shrink), all_of_area(usable, self.shrink), saturated
+        return area_means(image, self.shrink), all_of_area(usable, self.shrink), saturated, dead

@@ -116,5 +116,5 @@ class _Shown:
     def __getattr__(self, name):
         return getattr(self._scan, name)
 
-    def read_with_saturation(self, frame):
-        return self._images, *self._scan.read_with_saturation(frame)[1:]
+    def read_with_faults(self, frame):
+        return self._images, *self._scan.read_with_faults(frame)[1:]
