@@ -7,16 +7,20 @@ by a finder of its own in `FINDERS`; they are asked in their order, the likelies
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
+from tomo.measurement import estimate_noise
+from tomo.screening import find_exchanged
 from tomo.screening.screening import OUTSIDE
 
 Finder = Callable[[Any], Iterator[str]]
 """From a `tomo.Reconstruction` to causes, each a phrase that fits after "likely causes:"."""
 
 UNKNOWN = (
-    "no cause that was tested explains it. Try smaller voxels, check that the scene did not move "
-    "between exposures, and see whether gas absorbs (--fit-absorption)"
+    "no cause that was tested explains it. Check that no two cameras' images are exchanged and that "
+    "the scene did not move between exposures, try smaller voxels, and see whether gas absorbs "
+    "(--fit-absorption)"
 )
 """The end of an answer for which no stage found a cause: what to see to."""
 
@@ -35,6 +39,24 @@ def likely_causes(outcome: Any) -> tuple[str, ...]:
         Each fits after "likely causes:"; empty where nothing was found.
     """
     return tuple(cause for find in FINDERS for cause in find(outcome))
+
+
+def _exchanged(outcome: Any) -> Iterator[str]:
+    used = [view for view in outcome.views if view.takes_part]
+    noise = [estimate_noise(view.measured, view.usable) for view in used]
+    found = find_exchanged(
+        replace(outcome.rig, cameras=tuple(outcome.rig[view.name] for view in used)),
+        [view.measured for view in used],
+        [view.usable for view in used],
+        outcome.solution.grid,
+        noise,
+    )
+    if found is not None:
+        one, other = found.cameras
+        yield (
+            f"cameras {one} and {other} have each other's images (exchanged, {found.left:.0%} of "
+            "the squared error of all is left: exchange their folders of images)"
+        )
 
 
 def _background(outcome: Any) -> Iterator[str]:
@@ -90,6 +112,7 @@ def _cameras(outcome: Any) -> Iterator[str]:
 
 
 FINDERS: tuple[Finder, ...] = (
+    _exchanged,
     _background,
     _light_outside,
     _below_zero,

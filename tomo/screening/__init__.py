@@ -5,6 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "exchanged": ["Exchanged", "find_exchanged"],
         "left_out_prediction": ["PredictedViews"],
         "outside_light": ["light_outside"],
         "screening": ["Screening", "screen_images"],

@@ -161,10 +161,10 @@ def cameras_that_stand_out(views: PredictedViews, trusted: int) -> list[CameraFi
     held_out = [v for v in range(len(dim)) if views.sees(v) and (v >= trusted or dim[v])]
     if not (wrong or held_out):
         return []
-    errors = _errors(views, base)
+    errors = errors_of(views, base)
     typical = sorted(good, key=lambda view: errors[view])[len(good) // 2]
     without = views.volume([view for view in good if view != typical])
-    left_out = float(_errors(views, without)[typical])
+    left_out = float(errors_of(views, without)[typical])
     for view in held_out:
         trial = _Trial((view,), base, 0.0, 1.0)
         beyond = errors[view] > BEYOND_DOUBT * STANDS_OUT * left_out
@@ -174,14 +174,14 @@ def cameras_that_stand_out(views: PredictedViews, trusted: int) -> list[CameraFi
     return [_finding(views, view, base, good, float(np.sqrt(left_out))) for view in wrong]
 
 
-def _errors(views: PredictedViews, volume: CommonVolume) -> NDArray[np.float64]:
+def errors_of(views: PredictedViews, volume: CommonVolume) -> NDArray[np.float64]:
     """Return the relative squared error of every view, not below a fraction of its noise."""
     return np.maximum(np.nan_to_num(volume.errors), 0) + NOISE_FLOOR * views.noise_level
 
 
 def _standing_out(views: PredictedViews, base: CommonVolume, good: Sequence[int]) -> _Trial | None:
     """Return the trial of the camera that stands out, or of two, or None."""
-    errors = _errors(views, base)
+    errors = errors_of(views, base)
     order = sorted(good, key=lambda view: -errors[view])[:SUSPECTS]
     limit = SUSPICIOUS * np.median(errors[list(good)])
     trials = [_trial(views, base, good, (v,)) for v in order if errors[v] > limit]
@@ -217,8 +217,8 @@ def _beyond_exact(views: PredictedViews, trial: _Trial) -> bool:
     """Return whether all views of a trial are harder to predict than from exact cameras."""
     kept = trial.volume.views
     exact = views.of_exact_cameras(kept)
-    left_out, usual = list(trial.views), _errors(exact, exact.volume(kept))
-    found = _errors(views, trial.volume)[left_out] > EXACT_MARGIN**2 * usual[left_out]
+    left_out, usual = list(trial.views), errors_of(exact, exact.volume(kept))
+    found = errors_of(views, trial.volume)[left_out] > EXACT_MARGIN**2 * usual[left_out]
     return bool(found.all())
 
 
@@ -227,7 +227,7 @@ def _trial(
 ) -> _Trial:
     kept = [other for other in good if other not in left_out]
     volume = views.volume(kept)
-    before, after = _errors(views, base), _errors(views, volume)
+    before, after = errors_of(views, base), errors_of(views, volume)
     gone = (before[list(good)].sum() - after[kept].sum()) / max(after[kept].mean(), TINY)
     removed = after[kept].sum() / max(before[kept].sum(), TINY)
     return _Trial(left_out, volume, float(gone), float(removed))
@@ -252,7 +252,7 @@ def _finding(
     good: Sequence[int],
     left_out: float,
 ) -> CameraFinding:
-    errors = _errors(views, base)
+    errors = errors_of(views, base)
     ranked, given = _likeliest(views, view, base)
     usual = given * min(left_out**2 / errors[view], 1.0)  # error of a right camera's prediction
     ranked.sort(key=lambda one: (max(one.excess, 0.0) + usual) * one.penalty)
@@ -264,7 +264,7 @@ def _finding(
         same = posed[0].excess < AS_GOOD * max(kinds["pointing"].excess, usual)
         kinds["pointing"] = replace(kinds["pointing"], pose=posed[0].pose if same else None)
     again = views.volume([*good, view])
-    removed = errors[list(good)].sum() / max(_errors(views, again)[list(good)].sum(), TINY)
+    removed = errors[list(good)].sum() / max(errors_of(views, again)[list(good)].sum(), TINY)
     return CameraFinding(
         view,
         views.coarse.rig.names[view],
