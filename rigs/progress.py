@@ -126,22 +126,25 @@ def _lines(name: str) -> Iterator[Progress]:
     """Print a line when a stage begins, and then how far it is, at most one in `PAUSE` seconds."""
     began = last = time.monotonic()
     current: str | None = None
+    parts = 0
 
     def show(done: int, total: int, step: str = "") -> None:
-        nonlocal current, last
+        nonlocal current, last, parts
         stage, step = stage_of(step)
-        now = time.monotonic()
+        now, parts = time.monotonic(), 0 if stage else done
         if stage == current and now - last < PAUSE:
             return
         is_new, current, last = stage != current, stage, now
         share = f"{done / total:.0%}" if total else ""
         words = [part for part in (stage, "" if stage and is_new else share, step) if part]
-        line = ", ".join(words) or "at work"
-        stderr().print(
-            f"{name} {clock(now - began)}: {line}", markup=False, highlight=False, soft_wrap=True
-        )
+        say(f"{name} {clock(now - began)}: {', '.join(words) or 'at work'}")
+
+    def say(line: str) -> None:
+        stderr().print(line, markup=False, highlight=False, soft_wrap=True)
 
     yield show
+    if parts:
+        say(f"{name}: {parts} in {clock(time.monotonic() - began)}")
 
 
 @contextmanager

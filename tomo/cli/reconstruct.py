@@ -153,8 +153,8 @@ def _say_scale(scan: Scan, grid: VoxelGrid | None) -> None:
     if found is not None:
         pixels, times = found
         say(
-            f"note: a voxel is {pixels:.0f} pixels wide: --scale {times * scan.shrink} loses little "
-            f"and takes {times**2} times fewer pixels"
+            f"note: a voxel is {pixels:.0f} pixels wide: --scale {times * scan.shrink} loses "
+            f"little and has {times**2} times fewer pixels"
         )
 
 

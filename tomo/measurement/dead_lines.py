@@ -112,7 +112,9 @@ def _dead(
     for first, stop in runs:
         sides, known = image[[first - 1, stop]], usable[[first - 1, stop]].all(axis=0)
         for row in range(first, stop):
-            beyond = (image[row] < sides.min(axis=0) - far) | (image[row] > sides.max(axis=0) + far)
+            beyond = (image[row] < sides.min(axis=0) - far) | (
+                image[row] > sides.max(axis=0) + far
+            )
             if np.count_nonzero(beyond & known & usable[row]) >= LIT:
                 found.append(row)
     return tuple(found)

@@ -51,9 +51,7 @@ def test_the_answer_names_them_with_the_way_to_mend_it(images):
     shown = exchanged(images, 0, 5)
     views = [View(name, one, one) for name, one in zip(RIG.names, shown, strict=True)]
     nothing = {"screening": None, "alignment": None, "gains": None, "explanation": None}
-    outcome = SimpleNamespace(
-        rig=RIG, views=views, solution=SimpleNamespace(grid=GRID), **nothing
-    )
+    outcome = SimpleNamespace(rig=RIG, views=views, solution=SimpleNamespace(grid=GRID), **nothing)
     (cause,) = likely_causes(outcome)
     assert cause.startswith("cameras cam00 and cam05 have each other's images")
     assert "exchange their folders" in cause

@@ -8,6 +8,7 @@ import pytest
 
 import phantoms
 import rigs
+from rigs.changes import ImageChange, with_images_changed
 from tomo import VoxelGrid
 from tomo.measurement import estimate_noise
 from tomo.screening import (
@@ -16,7 +17,7 @@ from tomo.screening import (
     screen_images,
     single_camera,
 )
-from tomo.screening.words import report_of
+from tomo.screening.words import advice_on, report_of
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 
@@ -78,13 +79,19 @@ def test_a_view_turned_over_is_named_with_how():
         assert words in found[case.rig.names[2]]
 
 
-def test_a_square_image_may_be_turned_by_90_degrees():
+@pytest.mark.parametrize("degrees", [90, 180, 270])
+def test_a_square_image_may_be_turned_and_the_advice_mends_it(degrees):
+    """Degrees are clockwise, as ``convert-rig --rotate`` takes them."""
     case = seen(21, size=(72, 72))
-    images = list(case.images)
-    images[4] = np.ascontiguousarray(np.rot90(images[4]))
-    found = named(case.rig, images)
-    assert list(found) == [case.rig.names[4]]
-    assert "90 degrees" in found[case.rig.names[4]]
+    images, name = list(case.images), case.rig.names[4]
+    images[4] = np.ascontiguousarray(np.rot90(images[4], -degrees // 90))
+    (one,) = found(case.rig, images)
+    assert one.name == name
+    assert f"turned by {degrees} degrees" in one.causes[0].words
+    command = "flametomo convert-rig rig.yaml turned.yaml --rotate "
+    assert f"{command}{name}={degrees}," in advice_on(one)
+    mended = with_images_changed(case.rig, {name: ImageChange(degrees=degrees)})
+    assert found(mended, images) == []
 
 
 def test_of_two_exchanged_views_both_are_named_with_each_other():
