@@ -18,9 +18,9 @@ Finder = Callable[[Any], Iterator[str]]
 """From a `tomo.Reconstruction` to causes, each a phrase that fits after "likely causes:"."""
 
 UNKNOWN = (
-    "no cause that was tested explains it. Check that no two cameras' images are exchanged and that "
-    "the scene did not move between exposures, try smaller voxels, and see whether gas absorbs "
-    "(--fit-absorption)"
+    "no cause that was tested explains it. Check that no two cameras' images are exchanged and "
+    "that the scene did not move between exposures, try smaller voxels, and see whether gas "
+    "absorbs (--fit-absorption)"
 )
 """The end of an answer for which no stage found a cause: what to see to."""
 
@@ -42,7 +42,8 @@ def likely_causes(outcome: Any) -> tuple[str, ...]:
 
 
 def _exchanged(outcome: Any) -> Iterator[str]:
-    used = [view for view in outcome.views if view.takes_part]
+    names = outcome.rig.names
+    used = [view for view in outcome.views if view.takes_part and view.name in names]
     noise = [estimate_noise(view.measured, view.usable) for view in used]
     found = find_exchanged(
         replace(outcome.rig, cameras=tuple(outcome.rig[view.name] for view in used)),

@@ -21,8 +21,8 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
         everyone = set(error.cameras) >= set(scan.rig.names)
         who = "all cameras" if everyone else f"camera {', '.join(error.cameras)}"
         line = (
-            f"{who}: {error.text}. Correct the rig or the grid; flametomo check-rig shows what the "
-            "cameras see"
+            f"{who}: {error.text}. Correct the rig or the grid; flametomo check-rig shows what "
+            "the cameras see"
         )
         if everyone and options.screen:
             where = "" if scan.source is None else f"{scan.source}: "

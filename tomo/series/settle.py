@@ -157,7 +157,8 @@ def make_plan(
     plan = Plan(
         scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
         emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
-        (*doubts, *scan.remarks, *(line for one in records for line in one.warnings)), explained.report,
+        (*doubts, *scan.remarks, *(line for one in records for line in one.warnings)),
+        explained.report,
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:
         return plan

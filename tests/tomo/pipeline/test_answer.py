@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from rigs import Rig
 from tomo.pipeline.answer import (
     EXPLAINED,
     NOT_EXPLAINED,
@@ -34,6 +35,7 @@ def noise(sigma, seed=0):
 def outcome(*views, **parts):
     known = {"screening": None, "alignment": None, "gains": None, "carving": {}}
     known["explanation"] = None
+    known |= {"rig": Rig(()), "solution": SimpleNamespace(grid=None)}
     return SimpleNamespace(views=views, **{**known, **parts})
 
 
