@@ -144,7 +144,8 @@ def _lines(name: str) -> Iterator[Progress]:
 
     yield show
     if parts:
-        say(f"{name}: {parts} in {clock(time.monotonic() - began)}")
+        took = clock(time.monotonic() - began)
+        say(f"{name} {took}: {parts} in {took}")
 
 
 @contextmanager

@@ -72,7 +72,7 @@ def test_stages_have_lines_of_their_own_before_the_frames(monkeypatch):
 def test_without_a_terminal_parts_are_counted_at_the_end(monkeypatch):
     first, last = shown(monkeypatch, FRAMES, [(n, 3, f"frame {n}") for n in range(4)]).splitlines()
     assert first == "frames 0:00: 0%, frame 0"
-    assert last == "frames: 3 in 0:00"
+    assert last == "frames 0:00: 3 in 0:00"
 
 
 def test_without_a_terminal_each_stage_has_a_line_and_few_more(monkeypatch):

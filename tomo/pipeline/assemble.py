@@ -111,7 +111,7 @@ def assemble(
             "source": None if scan.source is None else str(Path(scan.source).absolute()),
             "scale": scan.shrink,
             **scan.corrections.colours,
-            "dead_lines": {n: asdict(lines) for n, lines in stages.load.dead_lines.items()},
+            **_dead_lines(stages.load),
             "value_unit": scan.value_unit(stages.load.frame),
             **({} if scan.radiometry is None else {"radiometry": _radiometry(scan)}),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
@@ -123,6 +123,12 @@ def assemble(
         learned=evaluated.learned,
         uncertainty=stages.assess.uncertainty,
     )
+
+
+def _dead_lines(loaded: LoadedScan) -> dict[str, Any]:
+    """Return ``report.json``'s ``scan.dead_lines``; nothing where there are none."""
+    found = {name: asdict(lines) for name, lines in loaded.dead_lines.items()}
+    return {"dead_lines": found} if found else {}
 
 
 def _radiometry(scan: Scan) -> dict[str, Any]:
