@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.check.convention_errors import ConventionError, few_of, find_convention_errors
-from rigs.check.coverage import PIXEL_ACCURACY, coverage
+from rigs.check.coverage import coverage
 from rigs.check.grid_choice import shrinkable
 from rigs.check.result import RigCheck
 from rigs.check.rig_check import check_points

@@ -6,7 +6,6 @@ import importlib.metadata
 import math
 import platform
 from collections.abc import Mapping
-from itertools import zip_longest
 from typing import Any
 
 import numpy as np
@@ -25,6 +24,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
     ``outcome`` is a `tomo.Reconstruction`, whose method ``report`` calls this.
     """
     found = outcome.solution
+    compared = outcome.compared or ({},) * len(outcome.comparisons)
     report = {
         "answer": outcome.answer.report(),
         "method": found.settings["method"],
@@ -79,7 +79,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
                 "quality": dict(other.quality),
                 "solver": dict(other.settings),
             }
-            for other, held_out in zip_longest(outcome.comparisons, outcome.compared, fillvalue={})
+            for other, held_out in zip(outcome.comparisons, compared, strict=True)
         ],
         "warnings": list(outcome.warnings),
         "versions": versions(),

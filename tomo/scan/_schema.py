@@ -195,7 +195,7 @@ class _Effects(_Strict):
 
 
 class ScanFile(_Strict):
-    format: Literal[SCAN_FORMAT]
+    format: Literal["emission-scan"]
     version: Literal[1]
     rig: Text
     grid: VolumeEntry | None = None
