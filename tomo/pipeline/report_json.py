@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib.metadata
 import math
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -24,7 +24,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
     ``outcome`` is a `tomo.Reconstruction`, whose method ``report`` calls this.
     """
     found = outcome.solution
-    compared = outcome.compared or ({},) * len(outcome.comparisons)
+    compared: Sequence[Mapping[str, Any]] = outcome.compared or ({},) * len(outcome.comparisons)
     report = {
         "answer": outcome.answer.report(),
         "method": found.settings["method"],
