@@ -18,7 +18,6 @@ import tomo
 
 grid = tomo.VoxelGrid(shape=(32, 20, 32), spacing=1.0)  # mm
 flame = phantoms.create("turbulent", extent=grid.extent, seed=1)
-points = rigs.box_points(grid.lower, grid.upper, 9)
 angles = np.radians(np.arange(0, 361, 2))
 level = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1)  # unit vectors
 quick = tomo.Options(method="curvature", uncertainty=0, screen=False, align=False)
@@ -26,7 +25,7 @@ quick = tomo.Options(method="curvature", uncertainty=0, screen=False, align=Fals
 figure = plt.figure(figsize=(8, 8), layout="constrained")
 for row, (name, step) in enumerate((("within 40 degrees", 40 / 7), ("over a half circle", 22.5))):
     rig = rigs.ring(8, step, distance=500, image_size=(64, 44), footprint=0.6)
-    check = rigs.check_rig(rig, points, grid.extent, voxel=1.0)
+    check = rigs.check_rig(rig, grid)
     print(f"8 cameras {name}: {check.resolved.words('mm')}")
     finest = np.median(check.views_of_volume.wavelengths(level), axis=0)  # over the points
     scan = tomo.simulate(rig, flame, grid, supersample=2, refine=2, noise=0.02)
