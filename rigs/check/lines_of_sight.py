@@ -73,7 +73,7 @@ def expected_ray_miss(
     Parameters
     ----------
     directions : (N, C, 3) float64
-        Unit vectors along the lines.
+        Unit vectors along the lines; anything where there is no line.
     error : (N, C) float64
         RMS displacement of each line along each direction across it, in lengths; NaN where
         there is no line.
@@ -81,7 +81,7 @@ def expected_ray_miss(
     there = np.isfinite(error)
     variance = np.where(there, error, 0.0) ** 2  # (N, C)
     across = np.eye(3) - directions[..., :, None] * directions[..., None, :]  # (N, C, 3, 3)
-    across = across * there[..., None, None]
+    across = np.where(there[..., None, None], across, 0.0)
     inverse = np.linalg.pinv(across.sum(axis=1), rcond=1e-9, hermitian=True)
     weighted = (across * variance[..., None, None]).sum(axis=1)
     total = 2 * variance.sum(axis=1) - np.einsum("nij,nji->n", inverse, weighted)

@@ -85,6 +85,14 @@ def test_expected_ray_miss_is_that_of_disturbed_lines(count):
     assert expected == pytest.approx(np.sqrt(np.mean(squares)), rel=0.04)
 
 
+def test_a_hidden_camera_leaves_the_expected_ray_miss_of_the_others():
+    lines = np.eye(3)[None]  # (1 point, 3 cameras, 3)
+    hidden = lines.copy()
+    hidden[0, 2] = np.nan  # hardware stands before this camera
+    miss = expected_ray_miss(hidden, np.array([[0.1, 0.2, np.nan]]))
+    assert miss == pytest.approx(expected_ray_miss(lines[:, :2], np.array([[0.1, 0.2]])))
+
+
 def test_ray_miss_scales_with_pixels_and_lengths():
     fine, coarse = (coverage(a_ring(), BALL, pixel_accuracy=a).ray_miss for a in (0.1, 0.3))
     np.testing.assert_allclose(coarse, 3 * fine)
