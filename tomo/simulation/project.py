@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.memory import available_memory
-from tomo.grid import VoxelGrid
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import Projector, extinction_of
 from tomo.simulation.effects import Effects
 
@@ -62,6 +62,7 @@ def project_volumes(
             f"{grid.upper.tolist()}, expected at least one"
         )
     gas = extinction_of(rig)
+    every = ActiveVoxels(fine_grid)  # shared: putting them into the order of storage takes long
     found: list[dict[str, NDArray[np.float32]]] = [{} for _ in volumes]
     done = 0
     for camera, gain in zip(rig, gains, strict=True):
@@ -75,7 +76,7 @@ def project_volumes(
             for volume, image in zip(volumes, flat, strict=True):
                 if projector is None or effects.self_absorption:
                     segments = effects.trace(rays, fine_grid, volume, tracer, gas)
-                    projector = Projector(segments, fine_grid)
+                    projector = Projector(segments, fine_grid, active=every)
                 image[pixels] = (projector @ volume.ravel()) * light
             done += len(pixels)
             if progress is not None:
