@@ -8,17 +8,18 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.camera import Camera, look_at
+from rigs.camera import look_at
+from rigs.camera_protocol import CameraLike, LensCamera, has_lens
 
 
-def how_to_see_all(camera: object, points: NDArray[np.float64], length_unit: str) -> str:
+def how_to_see_all(camera: CameraLike, points: NDArray[np.float64], length_unit: str) -> str:
     """Return in words what would bring all points ``(N, 3)`` into a camera's image, or ``""``.
 
-    Told are the longest focal length at this place and the least distance from the points' middle
+    It names the longest focal length at this place and the least distance from the points' middle
     with this lens, without the lens's distortion; aimed at the middle, where that lets a longer
-    lens do. Nothing is said of cameras behind glass, of tables of rays and of fisheyes.
+    lens do. Cameras behind glass, tables of rays and fisheyes get no advice.
     """
-    if not isinstance(camera, Camera) or camera.distortion.model == "fisheye":
+    if not has_lens(camera) or camera.distortion.model == "fisheye":
         return ""
     middle = (points.min(axis=0) + points.max(axis=0)) / 2
     aimed = camera.with_pose(camera.camera_matrix, *look_at(camera.position, middle, -camera.R[1]))
@@ -45,7 +46,7 @@ def how_to_see_all(camera: object, points: NDArray[np.float64], length_unit: str
     )
 
 
-def _longest(camera: Camera, points: NDArray) -> float:
+def _longest(camera: LensCamera, points: NDArray) -> float:
     """Return the factor on the focal length with which all points just fill the image."""
     x, y, z = (points @ camera.R.T + camera.t).T
     if not (z > 0).all():
@@ -53,13 +54,13 @@ def _longest(camera: Camera, points: NDArray) -> float:
     return min(float((room * z / reach).min()) for reach, room in _sides(camera, x, y))
 
 
-def _further(camera: Camera, points: NDArray) -> float:
+def _further(camera: LensCamera, points: NDArray) -> float:
     """Return how far back along its axis a camera must go for all points to be in the image."""
     x, y, z = (points @ camera.R.T + camera.t).T
     return max(0.0, *(float((reach / room - z).max()) for reach, room in _sides(camera, x, y)))
 
 
-def _sides(camera: Camera, x: NDArray, y: NDArray) -> Iterator[tuple[NDArray, float]]:
+def _sides(camera: LensCamera, x: NDArray, y: NDArray) -> Iterator[tuple[NDArray, float]]:
     """Yield what points need toward each side, in pixels at depth 1, and the pixels there."""
     width, height = camera.image_size
     (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2]

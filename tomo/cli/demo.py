@@ -26,15 +26,16 @@ def demo(
     """Simulate a turbulent flame, reconstruct it, and write the report.
 
     Runs three other verbs and prints each command. 33 cameras look at the flame. Its images are
-    simulated with 3 x 3 rays per pixel and voxels half as wide as those reconstructed, so that
+    simulated with 2 x 2 rays per pixel and voxels half as wide as those reconstructed, so that
     the reconstruction does not rely on the discretisation of the simulation.
     """
     scan = out / "scan"
     say(
-        "== flametomo simulate --rig paper33_pitch --phantom turbulent --supersample 3 --refine 2 "
-        f"--seed 1 -o {scan}"
+        "== flametomo simulate --rig paper33_pitch --phantom turbulent --grid 20x94x20 "
+        f"--spacing 0.75 --supersample 2 --refine 2 --seed 1 -o {scan}"
     )
-    simulate("paper33_pitch", "turbulent", scan, supersample=3, refine=2, seed=1)
+    grid, spacing = "20x94x20", "0.75"
+    simulate("paper33_pitch", "turbulent", scan, grid, spacing, supersample=2, refine=2, seed=1)
     say(f"== flametomo reconstruct {scan} -o {out}")
     reconstruct(out, scan)
     picture = out / "rig.html"

@@ -58,9 +58,10 @@ def view(
         bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
     ] = True,
 ) -> None:
-    """Show a volume with its cameras, a film or a rig in the browser, to turn and compare.
+    """Show a volume with its cameras, a film or a rig in the browser.
 
-    The page comes from this machine alone and asks no other for anything. Ctrl-C ends it. Needs
+    A page to turn the volume in, and to compare images with those of the volume. It comes
+    from this machine alone and asks no other for anything. Ctrl-C ends it. Needs
     pip install 'flametomo[viewer]'.
     """
     with bad_input_in_one_line():
