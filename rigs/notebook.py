@@ -15,7 +15,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.geometry.rays import nearest_point
 
 WIDTH, HEIGHT, MARGIN = 300, 220, 26
-"""Of a drawing, pixels: two beside each other fit into a notebook's cell."""
+"""Pixels of a drawing: two beside each other fit into a notebook's cell."""
 
 MOST_NAMES = 12
 """Cameras whose names stand beside them, from above; of more they lie over each other."""

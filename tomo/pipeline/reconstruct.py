@@ -80,25 +80,25 @@ def _run_stages(
         scale=options.fit_gain is not False,
     )
     refine = cameras_to_refine(options, scan)
-    told = stage("where cameras look, empty voxels")
-    registered = register_screened(screened, grid, options, refine, told)
+    step = stage("where cameras look, empty voxels")
+    registered = register_screened(screened, grid, options, refine, step)
     traced = trace_views(screened, registered, grid, options, stage("tracing"))
     apart = trace_apart(screened, traced.system, options)
-    told = stage("gains, absorption, basis")
+    step = stage("gains, absorption, basis")
     built = build(screened, traced, options)
-    explained = explain_images(built, screened, options, told)
-    told = stage("smoothness and solve")
-    solved = solve(explained.built, options, watch=reference.watch, progress=told)
+    explained = explain_images(built, screened, options, step)
+    step = stage("smoothness and solve")
+    solved = solve(explained.built, options, watch=reference.watch, progress=step)
     solved = with_own_absorption(solved, options)
-    told = stage("learning") if may_learn(options) else None
-    learned = learn(solved, screened, options, watch=reference.watch, progress=told)
+    step = stage("learning") if may_learn(options) else None
+    learned = learn(solved, screened, options, watch=reference.watch, progress=step)
     solved = learned.solved
-    told = stage("comparing") if options.compare else None
-    compared = compare(solved.built, options, watch=reference.watch, progress=told)
+    step = stage("comparing") if options.compare else None
+    compared = compare(solved.built, options, watch=reference.watch, progress=step)
     stage("predicted images")
     evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
-    light, told = screened.unmodelled_light, stage("how far to trust it")
-    assessed = assess(registered, solved, options, unmodelled_light=light, progress=told)
+    light, step = screened.unmodelled_light, stage("how far to trust it")
+    assessed = assess(registered, solved, options, unmodelled_light=light, progress=step)
     stages = Stages(
         reference, loaded, screened, registered, traced, built, explained, solved, learned,
         compared, evaluated, assessed,
