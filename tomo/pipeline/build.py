@@ -21,7 +21,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import TracedScan, through_gas
-from tomo.scan.scan import Images, Masks
+from tomo.scan.images import Images, Masks
 from tomo.screening.hypotheses import TRANSPARENT
 from tomo.selection import Choice
 

@@ -30,7 +30,7 @@ from tomo.pipeline.trace import blind_warnings, through_gas
 from tomo.pipeline.view import View, quality
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.scan import Scan
-from tomo.scan.scan import Images, Masks
+from tomo.scan.images import Images, Masks
 from tomo.simulation.true_weights import TrueEffects, true_effects, true_ratios
 from tomo.solvers import Solution
 

@@ -16,7 +16,7 @@ from tomo.pipeline.stage import Record, timed
 from tomo.rays.visible_pixels import pixels_of_hardware
 from tomo.scan import Scan
 from tomo.scan.corrections import correction_line
-from tomo.scan.scan import Images, Masks
+from tomo.scan.images import Images, Masks
 
 SATURATED = 0.01
 """Fraction of a camera's bright pixels at full scale, above which a warning names it. Lower: the

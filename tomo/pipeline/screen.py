@@ -14,7 +14,7 @@ from tomo.measurement import NoiseModel, estimate_noise
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
-from tomo.scan.scan import Images, Masks
+from tomo.scan.images import Images, Masks
 from tomo.screening import Screening, screen_images
 
 

@@ -6,8 +6,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "corrections": ["Corrections"],
-        "files": ["load_scan", "scan_of_images"],
+        "files": ["load_scan"],
         "frames": ["Frame"],
+        "image_folder": ["scan_of_images"],
         "radiometry": ["Calibration", "Radiometry"],
         "scan": ["Scan"],
         "write": ["save_scan"],

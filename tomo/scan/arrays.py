@@ -1,21 +1,71 @@
-"""Images in memory: their shapes against their cameras, and their shrinking by area means."""
+"""A scan of arrays: their shapes against their cameras and the grid; images as one array."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs import Rig
+from tomo.grid import VoxelGrid
+from tomo.io.xarray_volumes import xarray_or_pip_line
+from tomo.scan.corrections import Corrections
+from tomo.scan.frames import Frame
 from tomo.scan.write import check_cameras
 
 if TYPE_CHECKING:
     from xarray import DataArray, Dataset
 
 
-def stacks_of(
+def frames_of(
+    rig: Rig, images: Mapping[str, ArrayLike] | DataArray | Dataset
+) -> tuple[Frame, ...]:
+    """Return the frames ``frame_000``, ``frame_001`` ... of images, see `Scan.from_arrays`."""
+    stacks = _stacks_of(rig, images, "images")
+    return tuple(
+        Frame(f"frame_{number:03d}", {name: stack[number] for name, stack in stacks.items()})
+        for number in range(len(next(iter(stacks.values()), ())))
+    )
+
+
+def corrections_with(
+    masks: Mapping[str, ArrayLike] | None, corrections: Corrections, rig: Rig
+) -> Corrections:
+    """Return the corrections of images in memory, with masks of their own."""
+    for name in rig.names:
+        if corrections.of("channel", name) and not corrections.of("bayer", name):
+            raise ValueError(f"camera {name}: channel: found grey arrays, expected bayer too")
+    if masks is None:
+        return corrections
+    if corrections.mask is not None:
+        raise ValueError("masks: found masks in corrections too, expected one of the two")
+    usable = _stacks_of(rig, masks, "masks")
+    return replace(corrections, mask={name: mask[0] for name, mask in usable.items()})
+
+
+def truth_on(grid: VoxelGrid | None, truth: ArrayLike) -> NDArray[np.float32]:
+    """Return a true volume, if it lies on the grid."""
+    truth = np.asarray(truth, np.float32)
+    if grid is None or truth.shape != grid.shape:
+        expected = "a grid that it lies on" if grid is None else f"the grid's {grid.shape}"
+        raise ValueError(f"truth: found shape {truth.shape}, expected {expected}")
+    return truth
+
+
+def as_data_array(
+    rig: Rig, images: Sequence[NDArray], masks: Sequence[NDArray[np.bool_]], frame: str
+) -> DataArray:
+    """Return images of equal size as ``(camera, row, column)``; NaN is not usable."""
+    values = np.where(np.array(masks), np.array(images), np.float32(np.nan))
+    coordinates = {"camera": list(rig.names)}
+    dims = ("camera", "row", "column")
+    return xarray_or_pip_line().DataArray(values, coordinates, dims, "image", {"frame": frame})
+
+
+def _stacks_of(
     rig: Rig, images: Mapping[str, ArrayLike] | DataArray | Dataset, field: str
 ) -> dict[str, NDArray]:
     """Return each camera's image or images as ``(frames, h, w)``; ``field`` names them in errors.
@@ -63,22 +113,3 @@ def _stack(field: str, camera: str, rig: Rig, images: ArrayLike) -> NDArray:
             f"{(height, width)} or frames of it"
         )
     return stack
-
-
-def _blocks(image: NDArray, factor: int) -> NDArray:
-    """Return a view ``(rows, factor, columns, factor)`` of the whole blocks of an image."""
-    rows, columns = (side // factor for side in image.shape)
-    whole = image[: rows * factor, : columns * factor]
-    return whole.reshape(rows, factor, columns, factor)
-
-
-def area_means(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
-    """Return the means of an image over blocks of ``factor`` x ``factor`` pixels."""
-    if factor == 1:
-        return image
-    return _blocks(image, factor).mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
-
-
-def all_of_area(usable: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
-    """Return the blocks of ``factor`` x ``factor`` pixels that are usable throughout."""
-    return usable if factor == 1 else np.asarray(_blocks(usable, factor).all(axis=(1, 3)))

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rigs.recordings.mosaic import COLOURS, Mosaic
 from rigs.recordings.still import CHANNELS
 from tomo.measurement import DeadLines, find_dead_lines
-from tomo.scan.films import FilmFrame
+from tomo.scan.image_source import ImageSource, holds_integers, read_intensities
 
 
 @dataclass(frozen=True)
@@ -110,7 +110,7 @@ class Corrections:
 
     def corrected(
         self,
-        image: Path | NDArray | FilmFrame,
+        image: ImageSource,
         camera: str,
         size: tuple[int, int],
         source: Path | None = None,
@@ -155,7 +155,8 @@ class Corrections:
         mask = self._value("mask", camera, size)
         usable = np.ones(size[::-1], bool) if mask is None else mask != 0
         bits = self.of("bit_depth", camera)
-        raw, full_scale = self._read(image, camera, size, bits, usable, False)
+        colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
+        raw, full_scale = read_intensities(image, camera, size, bits, colours, usable)
         mosaic = self.mosaic(camera)
         if mosaic is not None:
             raw, usable = mosaic.pixels(raw), mosaic.pixels(usable)
@@ -179,15 +180,13 @@ class Corrections:
             values = values * np.float64(full_scale * per_count)
         return np.where(usable, values, 0).astype(np.float32), usable, full, dead_lines
 
-    def _check_scale(
-        self, image: Path | NDArray | FilmFrame, camera: str, source: Path | None
-    ) -> None:
+    def _check_scale(self, image: ImageSource, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
         for name in ("dark", "saturation"):
             value = self.of(name, camera)
             if isinstance(value, Real) and float(value) > 1 and holds_integers(image):
                 where = "" if source is None else f"{source}: "
-                place = image if isinstance(image, Path | FilmFrame) else "the images in memory"
+                place = "the images in memory" if isinstance(image, np.ndarray) else image
                 raise ValueError(
                     f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
                     f"at most 1, the full scale of integers like those in {place}; "
@@ -212,57 +211,8 @@ class Corrections:
             return None if value is None else np.float32(value)
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
-        return self._read(value, camera, size, bits)[0]
-
-    def _read(
-        self,
-        image: Path | NDArray | FilmFrame,
-        camera: str,
-        size: tuple[int, int],
-        bit_depth: int | None,
-        usable: NDArray[np.bool_] | None = None,
-        is_correction: bool = True,
-    ) -> tuple[NDArray[np.float32], int]:
-        """Return a camera's image, of its own size, and its full scale in counts."""
-        from rigs.recordings import (
-            FrameError,
-            check_pattern,
-            intensities_with_full_scale,
-            read_with_full_scale,
-        )
-
-        place = f"{image}: " if isinstance(image, Path) else ""
         colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
-        try:
-            if isinstance(image, Path):
-                colours["must_have_channel"] = not is_correction
-                values, full_scale = read_with_full_scale(image, bit_depth, usable, **colours)
-            elif isinstance(image, FilmFrame):
-                place, film = f"{image}: ", image.film.recording
-                check_pattern(image, film.is_mosaic, colours["bayer"])
-                values, full_scale = intensities_with_full_scale(
-                    image.read(), image, bit_depth or film.bit_depth, usable
-                )
-            else:
-                values, full_scale = intensities_with_full_scale(
-                    image, "image in memory", bit_depth, usable
-                )
-        except FileNotFoundError as error:
-            raise FileNotFoundError(f"camera {camera}: {error}") from error
-        except ValueError as error:
-            said = f"camera {camera}: {str(error).removeprefix(f'{image}: ')}"
-            if is_correction or isinstance(image, np.ndarray):
-                raise ValueError(f"{place}{said}") from error
-            if isinstance(image, Path):
-                raise FrameError(image, None, said) from error
-            raise FrameError(image.film.path, image.place, said) from error
-        if values.shape[::-1] != tuple(size):
-            raise ValueError(
-                f"{place}camera {camera}: found an image of {values.shape[1]} x "
-                f"{values.shape[0]} pixels, expected {size[0]} x {size[1]}, the camera's "
-                "image_size"
-            )
-        return values, full_scale
+        return read_intensities(value, camera, size, bits, colours, is_correction=True)[0]
 
 
 def _counts_in_words(counts: float, bits: int | None) -> str:
@@ -312,23 +262,3 @@ def correction_line(correction: str, values: float | Mapping[str, float]) -> str
     content = {"corrections": {correction: rounded}}
     text = yaml.safe_dump(content, default_flow_style=True, width=math.inf, sort_keys=False)
     return text.strip()[1:-1]
-
-
-def holds_integers(image: Path | NDArray | FilmFrame) -> bool:
-    """Tell whether an image, in a file or in memory, holds integers, which are scaled to 0..1."""
-    from rigs.recordings import is_integer_image
-
-    if isinstance(image, FilmFrame):
-        return image.film.holds_integers
-    return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"
-
-
-def is_of_8_bits(image: Path | NDArray | FilmFrame) -> bool:
-    """Tell whether an image, in a file or in memory, holds integers of at most 8 bits."""
-    from rigs.recordings import Still, read_still
-
-    if isinstance(image, FilmFrame):
-        bits = image.film.recording.bit_depth
-        return bits is not None and bits <= 8
-    still = read_still(image) if isinstance(image, Path) else Still.of(image)
-    return still.full_scale is not None and still.full_scale <= 255

@@ -5,11 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 
-from numpy.typing import NDArray
-
-from tomo.scan.films import FilmFrame
+from tomo.scan.image_source import ImageSource
 
 
 @dataclass(frozen=True)
@@ -24,7 +21,7 @@ class Frame:
     """
 
     name: str
-    images: Mapping[str, Path | FilmFrame | NDArray]
+    images: Mapping[str, ImageSource]
 
 
 def find_frame(frames: Sequence[Frame], name: str) -> Frame | None:

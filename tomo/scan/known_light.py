@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.scan.corrections import Corrections, holds_integers
+from tomo.scan.corrections import Corrections
+from tomo.scan.image_source import holds_integers
 
 UNEVEN = 0.05
 """Largest relative difference of a block from the mean of the region of a known radiance. Lower,

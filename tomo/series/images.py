@@ -14,7 +14,7 @@ from tomo.pipeline.load import LoadedScan, load
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.scan import Scan
-from tomo.scan.scan import Images, Masks
+from tomo.scan.images import Images, Masks
 from tomo.series.frames import key_places
 
 

@@ -23,7 +23,7 @@ from studies.stress.calibration_scene import (
 from studies.stress.row import COLUMNS, Chart, Row, charts, measured
 from tomo import solvers
 from tomo.pipeline.register import displacement_warning, register
-from tomo.scan.scan import Images, Masks
+from tomo.scan.images import Images, Masks
 
 __all__ = ["COLUMNS", "PLOTS", "run"]
 

@@ -1,0 +1,98 @@
+"""The scan of a rig and a folder of its cameras' images or films."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import islice
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from rigs import Rig, formats
+from rigs.recordings import IMAGE_SUFFIXES, find_images
+from rigs.recordings.layout import how_to_name, natural
+from tomo.grid import grid_of_rig
+from tomo.scan.films import films_in, frame_rate_of, frames_of_films, notes_of_films
+from tomo.scan.frames import Frame
+from tomo.scan.scan import Scan
+
+if TYPE_CHECKING:
+    from os import PathLike
+
+_MOST_LISTED = 10_000
+"""Files looked at for a message: more take seconds where a whole disk is given."""
+
+
+def scan_of_images(
+    rig: Rig | str | PathLike,
+    images: str | PathLike,
+    pattern: str | None = None,
+    **settings: Any,
+) -> Scan:
+    """Return the scan of a rig (or a rig file) and a folder of its cameras' images.
+
+    Parameters
+    ----------
+    rig : Rig or path-like
+    images : path-like
+        A folder of ``cam00/0001.tif``, ``cam00_0001.tif`` or ``cam00.tif``, see
+        `rigs.recordings.find_images`; or of a film ``cam00.tif`` or ``cam00.cine`` a camera.
+    pattern : str, optional
+        How files are named otherwise, like ``{frame}/{camera}.tif``.
+    **settings
+        Further fields of Scan: ``corrections``, ``grid``.
+
+    Raises
+    ------
+    ValueError
+        If two images of a camera are of one frame, a camera's folder is empty, or names do not
+        fit the pattern.
+    FileNotFoundError
+        If there is no such folder, or nothing in it is named as a camera.
+    """
+    rig = rig if isinstance(rig, Rig) else formats.load(rig)
+    folder = Path(images)
+    films = films_in(folder, rig.names) if pattern is None else {}
+    if films:
+        settings.setdefault("grid", grid_of_rig(rig))
+        settings |= {"frame_rate": frame_rate_of(films), "notes": notes_of_films(films)}
+        moments = frames_of_films(films).items()
+        return Scan(rig, tuple(Frame(*one) for one in moments), source=folder, **settings)
+    found = find_images(folder, rig.names, pattern)
+    for camera in rig.names:
+        if camera not in found:
+            raise _no_images(folder, camera, rig.names, pattern)
+    frames: dict[str, dict[str, Path]] = {}
+    for camera in rig.names:
+        for frame, path in found[camera].items():
+            frames.setdefault(frame, {})[camera] = path
+    settings.setdefault("grid", grid_of_rig(rig))
+    ordered = tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
+    return Scan(rig, ordered, source=folder, **settings)
+
+
+def _no_images(
+    folder: Path, camera: str, cameras: Sequence[str], pattern: str | None
+) -> ValueError | FileNotFoundError:
+    """Return the error about a camera whose images are not found."""
+    some = islice(folder.rglob("*"), _MOST_LISTED)
+    inside = sorted(path for path in some if path.suffix.lower() in IMAGE_SUFFIXES)
+    first = f", the first {inside[0].relative_to(folder)}" if inside else ""
+    if pattern is not None:
+        return ValueError(
+            f"{folder}: camera {camera}: pattern: found no image whose name fits {pattern!r} with "
+            f"{{camera}} {camera}, but {len(inside)} others{first}; expected "
+            f"{how_to_name(inside, folder, cameras)}"
+        )
+    if (folder / camera).is_dir():
+        return ValueError(
+            f"{folder / camera}: camera {camera}: found no image, expected files that end in "
+            f"{', '.join(IMAGE_SUFFIXES)}; or take it out of the rig: "
+            f"flametomo convert-rig rig.yaml new.yaml --drop {camera}"
+        )
+    others = ", ".join(sorted(path.name for path in folder.iterdir() if path.is_dir()))
+    return FileNotFoundError(
+        f"{folder}: camera {camera}: found no folder {camera} in it and no image of that name; it "
+        f"has {others or 'no folders'} and {len(inside)} images in all{first}; expected "
+        f"{how_to_name(inside, folder, cameras)}; or take it out of the rig: "
+        f"flametomo convert-rig rig.yaml new.yaml --drop {camera}"
+    )
