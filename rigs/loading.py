@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+from importlib import resources
 from pathlib import Path
+from typing import Any
 
-from rigs.files.rig_yaml import preset, preset_names
+from rigs.files.rig_yaml import load_rig
 from rigs.formats import registry
 from rigs.rig import Rig
 
@@ -52,3 +54,22 @@ def load(
     files = [path / name for name in _INSIDE if (path / name).is_file()]
     chosen = files[0] if files else path
     return registry.load(chosen, format, length_unit=length_unit, image_size=image_size)
+
+
+def preset_names() -> tuple[str, ...]:
+    """Return the names of the rigs that come with the package."""
+    return tuple(sorted(file.name.removesuffix(".yaml") for file in _preset_files()))
+
+
+def preset(name: str) -> Rig:
+    """Return the rig called ``name`` of those that come with the package."""
+    for file in _preset_files():
+        if file.name == f"{name}.yaml":
+            with resources.as_file(file) as path:
+                return load_rig(path)
+    raise ValueError(f"preset: found {name!r}, expected one of {', '.join(preset_names())}")
+
+
+def _preset_files() -> list[Any]:
+    folder = resources.files("rigs") / "presets"
+    return [file for file in folder.iterdir() if file.name.endswith(".yaml")]

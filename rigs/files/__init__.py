@@ -6,7 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "atomic": ["atomic_path", "remove_leftovers", "whole_folder"],
-        "rig_yaml": ["load_rig", "preset", "preset_names", "save_rig"],
+        "rig_yaml": ["load_rig"],
         "world_file": ["load_world"],
+        "write_rig": ["save_rig"],
     },
 )

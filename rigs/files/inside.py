@@ -2,35 +2,39 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from pathlib import Path, PureWindowsPath
 
 from rigs.files.text import breaks_a_line, shortened
 
 
-def path_inside(file: str, folder: Path, where: str) -> Path:
-    """Return the path of a file that a rig's file names, or raise if it leaves the folder.
+def path_inside(file: str, folder: Path, where: str, owner: str = "rig's") -> Path:
+    """Return the path of a file that a file in ``folder`` names, or raise if it leaves the folder.
 
     Parameters
     ----------
     file : str
-        Relative to ``folder``.
+        Relative to ``folder``; with the slashes of any system.
     folder : Path
     where : str
         Begins the message: what names the file.
+    owner : str
+        Whose folder it is, for the message.
 
     Raises
     ------
     ValueError
-        If the path is absolute, leaves the folder, also by a link, or is no path.
+        If the path is absolute on any system, leaves the folder, also by a link, or is no path.
     """
-    message = f"{where}: found {shortened(file)}, expected a path inside the rig's folder"
-    if not file.strip() or "\0" in file or breaks_a_line(file) or Path(file).is_absolute():
-        raise ValueError(message)
+    is_path = bool(file.strip()) and not breaks_a_line(file) and not PureWindowsPath(file).anchor
     path = folder / file.replace("\\", "/")
     try:
-        inside = path.resolve().is_relative_to(folder.resolve())
-    except (OSError, RuntimeError):
-        inside = False
-    if not inside:
-        raise ValueError(message)
+        # a name that no file system can hold raises in exists
+        path.exists()
+        is_inside = is_path and path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        is_inside = False
+    if not is_inside:
+        raise ValueError(
+            f"{where}: found {shortened(file)}, expected a path inside the {owner} folder"
+        )
     return path

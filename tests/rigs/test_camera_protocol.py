@@ -10,7 +10,7 @@ from rigs.check import check_points
 from rigs.scene import Scene, SceneCamera
 
 ROOT = Path(__file__).resolve().parent.parent.parent
-BY_KIND = {"rigs/camera.py", "rigs/ray_table/ray_table.py", "rigs/files/rig_yaml.py"}
+BY_KIND = {"rigs/camera.py", "rigs/ray_table/ray_table.py", "rigs/files/write_rig.py"}
 CAMERAS = tuple(ring(5, distance=100.0, image_size=(40, 30), footprint=0.5))
 
 

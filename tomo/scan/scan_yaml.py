@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import reprlib
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path
 from typing import Any
 
 from rigs import Rig, load_rig
-from rigs.files.text import breaks_a_line
+from rigs.files.inside import path_inside
 from rigs.recordings import RawLayout, split_member
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file
@@ -115,21 +114,4 @@ def _plain(scan_file: Path, value: Any, field: str) -> Any:
 
 def inside_scan(scan_file: Path, text: str, field: str) -> Path:
     """Return the path that a file names, refusing any that leaves the file's folder."""
-    folder = scan_file.parent
-    posix, windows = PurePosixPath(text), PureWindowsPath(text)
-    leaves = posix.is_absolute() or bool(windows.drive or windows.root)
-    leaves = leaves or ".." in posix.parts or ".." in windows.parts
-    try:
-        leaves = leaves or not (folder / text).resolve().is_relative_to(folder.resolve())
-        (folder / text).exists()  # a name that no file system can hold raises here
-        if breaks_a_line(text):
-            raise ValueError
-    except (OSError, ValueError, RuntimeError):
-        raise ValueError(
-            f"{scan_file}: {field}: found {reprlib.repr(text)}, expected a path"
-        ) from None
-    if leaves or not text:
-        raise ValueError(
-            f"{scan_file}: {field}: found {text!r}, expected a path inside the scan folder"
-        )
-    return folder / text
+    return path_inside(text, scan_file.parent, f"{scan_file}: {field}", "scan")

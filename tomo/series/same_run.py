@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import yaml
 
-from rigs.files.rig_yaml import rig_to_yaml
+from rigs.files.write_rig import rig_to_yaml
 from tomo.grid import VoxelGrid
 from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options

@@ -21,7 +21,7 @@ from rigs import (
     ring,
     save_rig,
 )
-from rigs.files.rig_yaml import rig_to_yaml
+from rigs.files.write_rig import rig_to_yaml
 
 COUNTS = {"none": 0, "brown": 5, "rational": 8, "thin_prism": 12, "tilted": 14, "fisheye": 4}
 EVERYWHERE = settings(

@@ -49,3 +49,14 @@ def test_links_that_leave_the_folder(folder, tmp_path, assert_refused):
     write_image(link, np.zeros((5, 7)))
     os.symlink(folder, moved)
     assert load_scan(moved).images()[0].shape == (5, 7)
+
+
+@pytest.mark.parametrize("inside", ["images\\left\\first.tif", "images/../images/left/first.tif"])
+def test_paths_of_any_system_that_stay_in_the_folder(folder, inside, edit):
+    before = load_scan(folder).images()
+
+    def change(content):
+        content["frames"][0]["images"]["left"] = inside
+
+    edit(folder, change)
+    np.testing.assert_array_equal(load_scan(folder).images()[0], before[0])
