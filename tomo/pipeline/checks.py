@@ -23,11 +23,14 @@ class Check:
         Returns the value in the option's own type, or raises ValueError or TypeError.
     choices : tuple of str
         The words allowed where there is nothing else.
+    metavar : str, optional
+        What stands for a value in ``--help`` where its option names nothing else.
     """
 
     expected: str
     convert: Callable[[Any], Any]
     choices: tuple[str, ...] = ()
+    metavar: str | None = None
 
 
 def choice(*words: str) -> Check:
@@ -69,7 +72,9 @@ def text(*, optional: bool = False) -> Check:
 
 def path() -> Check:
     """Accept the path of a file, or None."""
-    return Check("a path", lambda value: None if value is None else os.fspath(value))
+    return Check(
+        "a path", lambda value: None if value is None else os.fspath(value), metavar="FILE"
+    )
 
 
 def names(*, optional: bool = False) -> Check:
@@ -109,7 +114,7 @@ def whole(
         return int(number)
 
     bounds = f">= {lower}" if upper is None else f"from {lower} to {upper_text or upper}"
-    return Check(expected or f"a whole number {bounds}", convert)
+    return Check(expected or f"a whole number {bounds}", convert, metavar="N")
 
 
 def number(

@@ -13,7 +13,7 @@ from tomo.cli.declared import declared_from, with_options_of
 from tomo.cli.usage import command_line
 from tomo.pipeline import Options
 from tomo.pipeline.checks import number, switch
-from tomo.pipeline.options import _option
+from tomo.pipeline.declared import option
 from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}
@@ -57,10 +57,10 @@ def test_options_of_experts_stand_apart(run_tool):
 def test_a_new_option_touches_one_declaration():
     @dataclasses.dataclass(frozen=True)
     class More(Options):
-        strength_of_new: float | None = _option(
+        strength_of_new: float | None = option(
             None, "A new prior's strength.", number(above=0, optional=True), metavar="STRENGTH"
         )
-        is_new: bool = _option(True, "Whether it is new.", switch(), expert=True)
+        is_new: bool = option(True, "Whether it is new.", switch(), expert=True)
 
     found = []
 

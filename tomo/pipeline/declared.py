@@ -1,0 +1,84 @@
+"""Values whose fields are declared with their check and their documentation, each once."""
+
+from __future__ import annotations
+
+import dataclasses
+import textwrap
+from collections.abc import Mapping
+from dataclasses import MISSING, Field, dataclass
+from typing import Any, Self, TypeVar
+
+from tomo.pipeline.checks import Check
+
+T = TypeVar("T", bound="Declared")
+
+
+def option(
+    default: Any, help: str, check: Check, *, expert: bool = False, metavar: str | None = None
+) -> Any:
+    """Declare an option: its default, its documentation, its check, and who needs it."""
+    metavar = metavar or check.metavar
+    metadata = {"help": help, "check": check, "expert": expert, "metavar": metavar}
+    return dataclasses.field(default=default, metadata=metadata)
+
+
+@dataclass(frozen=True)
+class Declared:
+    """The base of a frozen dataclass whose fields are declared by `option`."""
+
+    def __post_init__(self) -> None:
+        """Check every value, and keep it in the type of its declaration."""
+        for option in dataclasses.fields(self):
+            value = getattr(self, option.name)
+            check = option.metadata["check"]
+            try:
+                object.__setattr__(self, option.name, check.convert(value))
+            except (TypeError, ValueError, OverflowError):
+                raise ValueError(
+                    f"{option.name}: found {value!r}, expected {check.expected}"
+                ) from None
+
+    @classmethod
+    def from_mapping(cls, values: Mapping[str, Any]) -> Self:
+        """Return the options of a mapping such as report.json's ``settings``.
+
+        Raises
+        ------
+        ValueError
+            If a name is unknown, or a value is not allowed.
+        """
+        known = [option.name for option in dataclasses.fields(cls)]
+        for name in values:
+            if name not in known:
+                raise ValueError(f"options: found {name!r}, expected one of {', '.join(known)}")
+        return cls(**values)
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return every option by name, as JSON holds them; `from_mapping` takes it back."""
+        values = {option.name: getattr(self, option.name) for option in dataclasses.fields(self)}
+        return {k: list(v) if isinstance(v, tuple) else v for k, v in values.items()}
+
+
+def documented(declared: type[T]) -> type[T]:
+    """Append the numpy-style list of the options to the docstring, from their declarations."""
+    if not declared.__doc__:  # python -OO has none
+        return declared
+    lines = ["", "", "Parameters", "----------"]
+    for option in dataclasses.fields(declared):
+        lines.append(f"{option.name} : {option.type}")
+        lines += textwrap.wrap(_described(option), 91, initial_indent="    ",
+                               subsequent_indent="    ")  # fmt: skip
+    text = "\n".join(f"    {line}".rstrip() for line in lines)
+    declared.__doc__ = f"{declared.__doc__.rstrip()}{text}\n    "
+    return declared
+
+
+def _described(option: Field) -> str:
+    """Return what an option means, its choices and its default, as documentation shows it."""
+    said = option.metadata["help"]
+    choices = option.metadata["check"].choices
+    if choices:
+        said += f" One of {', '.join(choices)}."
+    if option.default is MISSING or option.default in (None, ()):
+        return said
+    return f"{said} Default: {option.default}."
