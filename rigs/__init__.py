@@ -33,13 +33,9 @@ documentation.
 Names are loaded on first use, so that ``import rigs`` is fast.
 """
 
-from difflib import get_close_matches
-from importlib.util import find_spec
-from typing import Any
+from rigs.lazy_names import attach
 
-import lazy_loader
-
-_load, __dir__, __all__ = lazy_loader.attach(
+__getattr__, __dir__, __all__ = attach(
     __name__,
     submodules=["calibrate", "formats"],
     submod_attrs={
@@ -59,14 +55,3 @@ _load, __dir__, __all__ = lazy_loader.attach(
         "rig": ["Rig", "Volume"],
     },
 )
-
-
-def __getattr__(name: str) -> Any:
-    """Load a name on first use; say which one may be meant where there is none."""
-    if name in __all__:
-        return _load(name)
-    if not name.startswith("_") and find_spec(f"{__name__}.{name}"):
-        raise AttributeError(f"{__name__}.{name} is not loaded yet: import {__name__}.{name}")
-    close = get_close_matches(name, __all__, 1)
-    meant = f"did you mean {close[0]}? " if close else ""
-    raise AttributeError(f"{__name__} has no {name!r}: {meant}help({__name__}) says what there is")

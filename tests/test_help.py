@@ -34,7 +34,9 @@ def test_the_docstring_names_most_of_what_there_is(package):
 def test_a_wrong_name_is_answered_with_the_right_one():
     with pytest.raises(AttributeError, match=r"tomo has no 'reconstuct': did you mean reconstr"):
         tomo.reconstuct  # noqa: B018
-    with pytest.raises(AttributeError, match=r"phantoms has no 'zzz': help\(phantoms\) says"):
+    with pytest.raises(AttributeError, match=r"rigs has no 'zzz': help\(rigs\) says"):
+        rigs.zzz  # noqa: B018
+    with pytest.raises(AttributeError, match="phantoms attribute zzz"):
         phantoms.zzz  # noqa: B018
     with pytest.raises(AttributeError, match=r"rigs.fuzz is not loaded yet|rigs has no 'fuzz'"):
         rigs.fuzz  # noqa: B018

@@ -14,7 +14,7 @@ from rigs.check.details import details
 from rigs.check.field_of_view_cure import how_to_see_all
 from rigs.check.grid_choice import grid_choice
 from rigs.check.result import Finding, RigCheck
-from rigs.check.through_scene import glass, hardware
+from rigs.check.through_scene import gas, glass, hardware
 from rigs.check.words import short
 
 _LEVELS = ("fault", "warning", "note")
@@ -31,6 +31,7 @@ def findings(check: RigCheck) -> tuple[Finding, ...]:
         _cut_off,
         hardware,
         glass,
+        gas,
         _unseen,
         details,
         _same_views,

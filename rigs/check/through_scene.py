@@ -71,6 +71,14 @@ def glass(check: RigCheck) -> Iterator[Finding]:
         )
 
 
+def gas(check: RigCheck) -> Iterator[Finding]:
+    """Find gas whose index is doubtful."""
+    scene = check.coverage.rig.scene
+    if scene is not None and scene.gas is not None and scene.gas.index is not None:
+        for line in scene.gas.index.warnings():
+            yield Finding("warning", line)
+
+
 @dataclass(frozen=True)
 class Shift:
     """How glass moves the line of sight through the volume's middle.

@@ -46,6 +46,10 @@ class IndexField(ABC):
     def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the gradient of the index at points ``(N, 3)``, ``(N, 3)``, in 1 / length."""
 
+    def warnings(self) -> tuple[str, ...]:
+        """Return lines on what makes the field doubtful."""
+        return ()
+
     def cross(
         self, origins: ArrayLike, directions: ArrayLike, tolerance: float | None = None
     ) -> Crossing:

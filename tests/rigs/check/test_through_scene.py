@@ -50,6 +50,18 @@ def test_gas_on_the_way_is_not_taken_for_a_solid():
     assert shift_at(seen, EVERYWHERE) is None
 
 
+@pytest.mark.parametrize(("reach", "is_cut"), [(4, False), (6, True)])
+def test_gas_that_the_box_cuts_is_a_warning(reach, is_cut):
+    values = np.ones((6, 6, 6))
+    values[2:4, 2:4, 2:reach] = 1.0003
+    scene = Scene(gas=Gas(IndexVolume(values, (-15, -15, -15), 5.0, 1.0)))
+    cameras = (camera(), camera((300.0, 0, 0), "cam01"))
+    check = check_points(Rig(cameras).through(scene), POINTS, (10, 10, 10), 1.0)
+    found = [one for one in check.findings if "index volume" in one.text]
+    assert [one.level for one in found] == ["warning"] * is_cut
+    assert all("upper z (100%)" in one.text for one in found)
+
+
 def test_the_shift_by_colour_is_that_of_the_glass_at_both_ends_of_the_band():
     """Fused quartz, Malitson 1965: 1.46557 at 450 nm, 1.45529 at 700 nm."""
     found = shift_at(SceneCamera(camera(), Scene((pane(30),))), EVERYWHERE)

@@ -85,213 +85,117 @@ def worst_of(verdicts: Sequence[Verdict]) -> str:
 
 
 RULES: tuple[Rule, ...] = (
-    Rule(
-        RED,
-        partial(findings.answers, UNKNOWN_VERDICT),
-        "no image has light to compare the volume with",
-        "Check the exposure, the dark level, and that the images belong to these cameras",
-    ),
-    Rule(
-        RED,
-        partial(findings.cameras, "kept"),
-        "camera {camera} contradicts the others ({cause}), and {done}",
-        "Camera {camera}: {needs}",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.cameras, "mended"),
-        "camera {camera} contradicts the others ({cause}): {done}",
-        "Camera {camera}: {needs}",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.cameras, "held out"),
-        "the held-out camera {camera} contradicts the others ({cause}): it checks nothing",
-        "Camera {camera}: {needs}",
-    ),
-    Rule(
-        RED,
-        findings.displaced,
-        "cameras do not look where the rig says: the image of {camera} lies {pixels:.1f} pixels "
-        "from where the others predict it",
-        "Calibrate the cameras again, or run with --refine-cameras all",
-    ),
-    Rule(
-        AMBER,
-        findings.shifted,
-        "the images were moved by up to {pixels:.1f} pixels to agree with each other",
-        "Calibrate the cameras again, or run with --refine-cameras all",
-    ),
-    Rule(
-        RED,
-        partial(findings.outside, HARMFUL, MANY),
-        "the grid cuts the flame: {share} of camera {camera}'s light comes from outside it",
-        "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.outside, OUTSIDE, HARMFUL),
-        "{share} of camera {camera}'s light comes from outside the grid",
-        "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.levels, "background"),
-        "light everywhere in the images of {cameras}, {camera} most ({level:.3g})",
-        "Subtract the background: add it to the dark level in scan.yaml (corrections: dark)",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.levels, "below_zero"),
-        "too much was subtracted as dark in {cameras}, {camera} most ({level:.3g})",
-        "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.levels, "saturated"),
-        "overexposed: {cameras}, whose brightest pixels were left out",
-        "Expose camera {camera} shorter",
-    ),
-    Rule(
-        AMBER,
-        findings.absorption,
-        "the gas seems to swallow {lost} of the light; that was fitted, not measured",
-        "If the gas is transparent, run with --no-fit-absorption; else measure its absorption",
-    ),
-    Rule(
-        AMBER,
-        findings.learned,
-        "an effect that nobody wrote down was learned from the images: {found}",
-        "Compare with a run without it (--no-learn)",
-    ),
-    Rule(
-        AMBER,
-        findings.carved,
-        "{lost} of the light meets no voxel that was kept",
-        "Keep all voxels (--no-skip)",
-    ),
-    Rule(
-        RED,
-        partial(findings.answers, NOT_EXPLAINED),
-        "the volume does not explain its images: up to {most} of an image is neither volume nor "
-        "noise",
-        "Try smaller voxels (--spacing), and check that the flame did not move between the "
-        "cameras' exposures",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.answers, PARTLY),
-        "the volume explains its images in part: up to {most} of an image is neither volume nor "
-        "noise",
-        "Try smaller voxels (--spacing), and check that the flame did not move between the "
-        "cameras' exposures",
-    ),
-    Rule(
-        RED,
-        partial(findings.not_predicted, UNEXPLAINED, MANY),
-        "the held-out camera {camera} is not predicted: {missed} of its image is wrong beyond "
-        "noise",
-        "Check camera {camera}, and add cameras between the others",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.not_predicted, HARMFUL, UNEXPLAINED),
-        "the held-out camera {camera} is predicted in part: {missed} of its image is wrong beyond "
-        "noise",
-        "Add cameras, or check the calibration of camera {camera}",
-    ),
-    Rule(
-        RED,
-        partial(findings.few, 1, 2),
-        "too few for a volume: {cameras}. Many shapes have the same images",
-        "Add cameras: four evenly spread ones are the least",
-    ),
-    Rule(
-        RED,
-        partial(findings.unmeasured, TWO_VIEWS, MANY),
-        "cameras from these directions are too few for a volume: nothing fixes its shape along "
-        "{direction}",
-        "Add cameras that look across {direction}: four evenly spread ones are the least",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.unmeasured, AS_LARGE, TWO_VIEWS),
-        "few directions: the shape along {direction} is a guess, its error is not known",
-        "Add a camera that looks across {direction}: four evenly spread ones are the least",
-    ),
-    Rule(
-        RED,
-        partial(findings.uncertain, NOISY, MANY),
-        "the error to expect of a voxel is {error} of the emission",
-        "Add cameras, or average over frames",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.uncertain, HARMFUL, NOISY),
-        "the error to expect of a voxel is {error} of the emission; "
-        f"up to {HARMFUL:.0%} is good",
-        "Trust sums and means over regions more than single voxels; more cameras narrow this",
-    ),
-    Rule(
-        RED,
-        findings.noisy,
-        "noise hides the volume: it moves voxels by {deviation} of the emission",
-        "Average over frames or regions, expose longer, or use fewer voxels",
-    ),
-    Rule(
-        AMBER,
-        findings.barely_seen,
-        "fewer than two cameras see {share} of the voxels that emit",
-        "Do not use those voxels, or move the grid to where the cameras look",
-    ),
-    Rule(
-        AMBER,
-        partial(findings.few, 3, FEWEST_VIEWS - 1),
-        f"with {{cameras}} a wrong one cannot be found: that takes {FEWEST_VIEWS}",
-        "Add cameras, or check the calibration with check-rig and a calibration target",
-    ),
-    Rule(
-        AMBER,
-        findings.refined,
-        "the positions of {cameras} were corrected from the images",
-        "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store",
-    ),
-    Rule(
-        AMBER,
-        findings.unproved,
-        "how far off voxels are was not measured",
-        "Reconstruct single frames (--uncertainty auto), or hold a camera out (--hold-out NAME)",
-    ),
-)
+    Rule(RED, partial(findings.answers, UNKNOWN_VERDICT),
+         "no image has light to compare the volume with",
+         "Check the exposure, the dark level, and that the images belong to these cameras"),
+    Rule(RED, partial(findings.cameras, "kept"),
+         "camera {camera} contradicts the others ({cause}), and {done}",
+         "Camera {camera}: {needs}"),
+    Rule(AMBER, partial(findings.cameras, "mended"),
+         "camera {camera} contradicts the others ({cause}): {done}",
+         "Camera {camera}: {needs}"),
+    Rule(AMBER, partial(findings.cameras, "held out"),
+         "the held-out camera {camera} contradicts the others ({cause}): it checks nothing",
+         "Camera {camera}: {needs}"),
+    Rule(RED, findings.displaced,
+         "cameras do not look where the rig says: the image of {camera} lies {pixels:.1f} pixels "
+         "from where the others predict it",
+         "Calibrate the cameras again, or run with --refine-cameras all"),
+    Rule(AMBER, findings.shifted,
+         "the images were moved by up to {pixels:.1f} pixels to agree with each other",
+         "Calibrate the cameras again, or run with --refine-cameras all"),
+    Rule(RED, partial(findings.outside, HARMFUL, MANY),
+         "the grid cuts the flame: {share} of camera {camera}'s light comes from outside it",
+         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light"),
+    Rule(AMBER, partial(findings.outside, OUTSIDE, HARMFUL),
+         "{share} of camera {camera}'s light comes from outside the grid",
+         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light"),
+    Rule(AMBER, partial(findings.levels, "background"),
+         "light everywhere in the images of {cameras}, {camera} most ({level:.3g})",
+         "Subtract the background: add it to the dark level in scan.yaml (corrections: dark)"),
+    Rule(AMBER, partial(findings.levels, "below_zero"),
+         "too much was subtracted as dark in {cameras}, {camera} most ({level:.3g})",
+         "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)"),
+    Rule(AMBER, partial(findings.levels, "saturated"),
+         "overexposed: {cameras}, whose brightest pixels were left out",
+         "Expose camera {camera} shorter"),
+    Rule(AMBER, findings.absorption,
+         "the gas seems to swallow {lost} of the light; that was fitted, not measured",
+         "If the gas is transparent, run with --no-fit-absorption; else measure its absorption"),
+    Rule(AMBER, findings.learned,
+         "an effect that nobody wrote down was learned from the images: {found}",
+         "Compare with a run without it (--no-learn)"),
+    Rule(AMBER, findings.carved,
+         "{lost} of the light meets no voxel that was kept",
+         "Keep all voxels (--no-skip)"),
+    Rule(RED, partial(findings.answers, NOT_EXPLAINED),
+         "the volume does not explain its images: up to {most} of an image is neither volume nor "
+         "noise",
+         "Try smaller voxels (--spacing), and check that the flame did not move between the "
+         "cameras' exposures"),
+    Rule(AMBER, partial(findings.answers, PARTLY),
+         "the volume explains its images in part: up to {most} of an image is neither volume nor "
+         "noise",
+         "Try smaller voxels (--spacing), and check that the flame did not move between the "
+         "cameras' exposures"),
+    Rule(RED, partial(findings.not_predicted, UNEXPLAINED, MANY),
+         "the held-out camera {camera} is not predicted: {missed} of its image is wrong "
+         "beyond noise",
+         "Check camera {camera}, and add cameras between the others"),
+    Rule(AMBER, partial(findings.not_predicted, HARMFUL, UNEXPLAINED),
+         "the held-out camera {camera} is predicted in part: {missed} of its image is wrong "
+         "beyond noise",
+         "Add cameras, or check the calibration of camera {camera}"),
+    Rule(RED, partial(findings.few, 1, 2),
+         "too few for a volume: {cameras}. Many shapes have the same images",
+         "Add cameras: four evenly spread ones are the least"),
+    Rule(RED, partial(findings.unmeasured, TWO_VIEWS, MANY),
+         "cameras from these directions are too few for a volume: nothing fixes its shape along "
+         "{direction}",
+         "Add cameras that look across {direction}: four evenly spread ones are the least"),
+    Rule(AMBER, partial(findings.unmeasured, AS_LARGE, TWO_VIEWS),
+         "few directions: the shape along {direction} is a guess, its error is not known",
+         "Add a camera that looks across {direction}: four evenly spread ones are the least"),
+    Rule(RED, partial(findings.uncertain, NOISY, MANY),
+         "the error to expect of a voxel is {error} of the emission",
+         "Add cameras, or average over frames"),
+    Rule(AMBER, partial(findings.uncertain, HARMFUL, NOISY),
+         "the error to expect of a voxel is {error} of the emission; "
+         f"up to {HARMFUL:.0%} is good",
+         "Trust sums and means over regions more than single voxels; more cameras narrow this"),
+    Rule(RED, findings.noisy,
+         "noise hides the volume: it moves voxels by {deviation} of the emission",
+         "Average over frames or regions, expose longer, or use fewer voxels"),
+    Rule(AMBER, findings.barely_seen,
+         "fewer than two cameras see {share} of the voxels that emit",
+         "Do not use those voxels, or move the grid to where the cameras look"),
+    Rule(AMBER, partial(findings.few, 3, FEWEST_VIEWS - 1),
+         f"with {{cameras}} a wrong one cannot be found: that takes {FEWEST_VIEWS}",
+         "Add cameras, or check the calibration with check-rig and a calibration target"),
+    Rule(AMBER, findings.refined,
+         "the positions of {cameras} were corrected from the images",
+         "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store"),
+    Rule(AMBER, findings.unproved,
+         "how far off voxels are was not measured",
+         "Reconstruct single frames (--uncertainty auto), or hold a camera out (--hold-out NAME)"),
+)  # fmt: skip
 """What keeps a volume from being green. Their order is that of the steps: mend first what makes
 other things seem wrong."""
 
 FOR_IT: tuple[Rule, ...] = (
-    Rule(
-        GREEN,
-        partial(findings.answers, EXPLAINED),
-        "the volume explains the images of all {views} cameras up to their noise",
-    ),
+    Rule(GREEN, partial(findings.answers, EXPLAINED),
+         "the volume explains the images of all {views} cameras up to their noise"),
     Rule(GREEN, findings.views, "about {views} cameras see each voxel that emits"),
     Rule(GREEN, findings.error, "the error to expect of a voxel is {error} of the emission"),
-    Rule(
-        GREEN,
-        findings.predicted,
-        "camera {camera}, which was held out, is predicted: {missed} of its image is wrong beyond "
-        "noise",
-    ),
-    Rule(
-        GREEN,
-        findings.without_check,
-        "",
-        "Check it once with an image that it never saw: run again with --hold-out {camera}",
-    ),
-    Rule(
-        GREEN,
-        findings.always,
-        "no camera contradicts the others",
-        "Use volume.vti (ParaView), volume.nrrd (3D Slicer) or volume.npz (Python), with "
-        "half_width.* as error bars",
-    ),
-)
+    Rule(GREEN, findings.predicted,
+         "camera {camera}, which was held out, is predicted: {missed} of its image is wrong "
+         "beyond noise"),
+    Rule(GREEN, findings.without_check,
+         "",
+         "Check it once with an image that it never saw: run again with --hold-out {camera}"),
+    Rule(GREEN, findings.always,
+         "no camera contradicts the others",
+         "Use volume.vti (ParaView), volume.nrrd (3D Slicer) or volume.npz (Python), with "
+         "half_width.* as error bars"),
+)  # fmt: skip
 """What is said of a green volume."""

@@ -1,0 +1,47 @@
+"""Names of a package that are loaded on first use; a wrong one is answered with the right one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from difflib import get_close_matches
+from importlib.util import find_spec
+from typing import Any
+
+import lazy_loader
+
+
+def attach(
+    package: str, submodules: list[str], submod_attrs: dict[str, list[str]]
+) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
+    """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package.
+
+    As `lazy_loader.attach`, whose error says no more than that there is no such name: Python 3.11
+    adds a hint in a terminal alone, not in a notebook.
+
+    Raises
+    ------
+    AttributeError
+        By ``__getattr__``, with the name that may be meant.
+
+    Examples
+    --------
+    >>> get, _, _ = attach("rigs", ["formats"], {"rig": ["Rig"]})
+    >>> get("Rigg")
+    Traceback (most recent call last):
+        ...
+    AttributeError: rigs has no 'Rigg': did you mean Rig? help(rigs) says what there is
+    """
+    load, names, public = lazy_loader.attach(package, submodules, submod_attrs)
+
+    def get(name: str) -> Any:
+        if name in public:
+            return load(name)
+        if not name.startswith("_") and find_spec(f"{package}.{name}"):
+            raise AttributeError(f"{package}.{name} is not loaded yet: import {package}.{name}")
+        close = get_close_matches(name, public, 1)
+        meant = f"did you mean {close[0]}? " if close else ""
+        raise AttributeError(
+            f"{package} has no {name!r}: {meant}help({package}) says what there is"
+        )
+
+    return get, names, public
