@@ -7,6 +7,7 @@ import json
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,25 @@ class Table:
 
 
 def write_html(
-    path: str | os.PathLike,
+    path: str | os.PathLike, scene: Scene, *, leave_out: tuple[str, ...] = ("stems",), **page: Any
+) -> None:
+    """Write the page: every group is a layer to switch on and off, hovering shows names.
+
+    Parameters
+    ----------
+    path : path-like
+    scene : Scene
+    leave_out : tuple of str
+        Groups not to show.
+    page
+        Further arguments of `html_page`.
+    """
+    text = html_page(scene.without(*leave_out), **page)
+    with atomic_path(path) as temporary:
+        temporary.write_text(text, encoding="utf-8")
+
+
+def html_page(
     scene: Scene,
     *,
     title: str = "",
@@ -74,13 +93,11 @@ def write_html(
     tables: Sequence[Table] = (),
     shown: Sequence[str] = (),
     close_up: bool = False,
-    leave_out: tuple[str, ...] = ("stems",),
-) -> None:
-    """Write the page: every group is a layer to switch on and off, hovering shows names.
+) -> str:
+    """Return the page that `write_html` writes.
 
     Parameters
     ----------
-    path : path-like
     scene : Scene
     title : str
         Title of the page; plain text.
@@ -100,39 +117,7 @@ def write_html(
         Groups to show at first that are hidden otherwise: maps, images, names of arrows.
     close_up : bool
         Whether to start with the box alone in view.
-    leave_out : tuple of str
-        Groups not to show.
     """
-    text = html_page(
-        scene.without(*leave_out),
-        title=title,
-        up=up,
-        grid=grid,
-        volume=volume,
-        value_unit=value_unit,
-        views=views,
-        tables=tables,
-        shown=shown,
-        close_up=close_up,
-    )
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
-
-
-def html_page(
-    scene: Scene,
-    *,
-    title: str = "",
-    up: Up | None = None,
-    grid: VoxelGrid | None = None,
-    volume: NDArray | None = None,
-    value_unit: str = "",
-    views: Sequence[CameraView] = (),
-    tables: Sequence[Table] = (),
-    shown: Sequence[str] = (),
-    close_up: bool = False,
-) -> str:
-    """Return the page that `write_html` writes."""
     import plotly.graph_objects as go
     from plotly.offline import get_plotlyjs
 

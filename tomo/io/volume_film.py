@@ -85,19 +85,7 @@ class VolumeFilm:
             dimension_names=("time", "x", "y", "z"),
             attributes={"long_name": "mean emission of a voxel"},
         )
-        coordinates = {"time": (np.asarray(times, np.float64), "s")}
-        coordinates |= {
-            name: (values, length_unit) for name, values in zip("xyz", grid.axes(), strict=True)
-        }
-        for name, (values, unit) in coordinates.items():
-            group.create_array(
-                name,
-                shape=values.shape,
-                chunks=values.shape,
-                dtype="f8",
-                dimension_names=(name,),
-                attributes={"units": unit},
-            )[:] = values
+        write_coordinates(group, grid, times, length_unit)
         return cls(path)
 
     @property
@@ -128,3 +116,24 @@ class VolumeFilm:
     def write(self, number: int, volume: NDArray[np.float32]) -> None:
         """Write the volume of a frame."""
         self._values[number] = volume
+
+
+def write_coordinates(
+    group: zarr.Group,
+    grid: VoxelGrid,
+    times: Sequence[float],
+    length_unit: str,
+    time_unit: str = "s",
+) -> None:
+    """Write the arrays ``time``, ``x``, ``y`` and ``z`` of volumes over time."""
+    coordinates = {"time": (np.asarray(times, np.float64), time_unit)}
+    coordinates |= {name: (one, length_unit) for name, one in zip("xyz", grid.axes(), strict=True)}
+    for name, (values, unit) in coordinates.items():
+        group.create_array(
+            name,
+            shape=values.shape,
+            chunks=values.shape,
+            dtype="f8",
+            dimension_names=(name,),
+            attributes={"units": unit},
+        )[:] = values

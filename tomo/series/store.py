@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.grid import VoxelGrid
+from tomo.io.volume_film import write_coordinates
 from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.radiometry.units import unit_of_total
 from tomo.series.frames import BLOCK
@@ -252,10 +253,7 @@ def _write_empty(
         "emission", (count, *grid.shape), (1, *grid.shape), "f4", ("time", "x", "y", "z"),
         math.nan, units=unit, long_name="mean emission of a voxel",
     )  # fmt: skip
-    coordinates = {"time": (np.asarray(times, np.float64), attributes["time_unit"])}
-    coordinates |= {name: (one, length) for name, one in zip("xyz", grid.axes(), strict=True)}
-    for name, (values, units) in coordinates.items():
-        array(name, (len(values),), (len(values),), "f8", (name,), units=units)[:] = values
+    write_coordinates(group, grid, times, length, attributes["time_unit"])
     array("frame", (count,), (count,), "i8", ("time",), long_name="number in the scan")[:] = frames
     units = {"total_emission": unit_of_total(unit, length)[0], "seconds": "s", "psnr": "dB"}
     for name in FIGURES:

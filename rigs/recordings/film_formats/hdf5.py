@@ -14,20 +14,17 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
 from rigs.recordings.film_formats._hdf5_heaps import check_heaps
-from rigs.recordings.film_formats.npy import film_shape
-from rigs.recordings.recording import Reopened, check_index, frame_errors, needs
+from rigs.recordings.film_formats.npy import ArrayFilm
+from rigs.recordings.recording import needs
 
 if TYPE_CHECKING:
     import h5py
-
-UNITS = {"s": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
-"""Units of times, in seconds."""
 
 _MOST_LISTED = 1000  # objects of a file that are looked at for films
 _MOST_DEPTH = 8  # levels of groups
 
 
-class Hdf5Film(Reopened):
+class Hdf5Film(ArrayFilm):
     """A data set ``(frames, height, width)``; see `Recording`.
 
     Times are the data set that NeXus calls the first of the group's ``axes``, where it has a unit
@@ -46,9 +43,6 @@ class Hdf5Film(Reopened):
         of the file's folder.
     """
 
-    notes: tuple[str, ...] = ()
-    frame_rate: float | None = None
-
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
         self.path, self._given = Path(path), member
         h5py = needs("h5py", self.path)
@@ -56,24 +50,17 @@ class Hdf5Film(Reopened):
             check_heaps(self.path)
             self._file = h5py.File(self.path, "r", locking="best-effort")
             self.member = member or self._only_film()
-            self._data = self._found(self.member)
-            self.n_frames, self.image_size, self.bit_depth = film_shape(
-                self._data.shape, self._data.dtype
-            )
+            self._hold(self._found(self.member))
             self._check_storage()
             self.timestamps = self._read_times()
 
     def _opened_by(self) -> tuple:
         return self.path, self._given
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index):
-            if self._data.chunks is not None:
-                self._check_chunks(index)
-            frame = self._data[index]
-            return frame.astype(frame.dtype.newbyteorder("="), copy=False)
+    def _stored(self, index: int) -> NDArray:
+        if self._array.chunks is not None:
+            self._check_chunks(index)
+        return super()._stored(index)
 
     def close(self) -> None:
         """Close the file."""
@@ -115,46 +102,41 @@ class Hdf5Film(Reopened):
 
     def _check_storage(self) -> None:
         """Raise where data lie outside, or a frame would take far more memory than it holds."""
-        if self._data.external:
+        if self._array.external:
             raise ValueError("found data stored in other files, expected them in the film")
         held = self.path.stat().st_size
-        if self._data.is_virtual:
-            for source in self._data.virtual_sources():
+        if self._array.is_virtual:
+            for source in self._array.virtual_sources():
                 self._check_inside(source.file_name)
                 other = self.path.parent / source.file_name
                 held += other.stat().st_size if other.is_file() else 0
-        if not self._data.is_virtual and self._data.id.get_storage_size() == 0:
+        if not self._array.is_virtual and self._array.id.get_storage_size() == 0:
             raise ValueError(f"found nothing written in {self.member}, expected frames")
-        sides = self._data.chunks or self._data.shape[1:]
-        check_claim(math.prod(sides) * self._data.dtype.itemsize, held)
-        check_claim(math.prod(self._data.shape[1:]) * self._data.dtype.itemsize, held)
+        sides = self._array.chunks or self._array.shape[1:]
+        check_claim(math.prod(sides) * self._array.dtype.itemsize, held)
+        check_claim(math.prod(self._array.shape[1:]) * self._array.dtype.itemsize, held)
 
     def _check_chunks(self, index: int) -> None:
         """Raise where a part of a frame was never written: HDF5 would fill it."""
-        sides = self._data.chunks
+        sides = self._array.chunks
         starts = [
             range(index // sides[0] * sides[0], index + 1, sides[0]),
             *(
                 range(0, length, side)
-                for length, side in zip(self._data.shape[1:], sides[1:], strict=True)
+                for length, side in zip(self._array.shape[1:], sides[1:], strict=True)
             ),
         ]
         for place in itertools.product(*starts):
-            if self._data.id.get_chunk_info_by_coord(place).byte_offset is None:
+            if self._array.id.get_chunk_info_by_coord(place).byte_offset is None:
                 raise ValueError("found a part that was never written, expected a whole frame")
 
     def _read_times(self) -> NDArray[np.float64] | None:
         """Return the frames' times in seconds, where NeXus's axes name them."""
-        axes = np.atleast_1d(self._data.parent.attrs.get("axes", [])).tolist()
+        axes = np.atleast_1d(self._array.parent.attrs.get("axes", [])).tolist()
         name = axes[0] if axes and isinstance(axes[0], str) else None
-        if name is None or name not in self._data.parent:
+        if name is None or name not in self._array.parent:
             return None
-        times = self._found(f"{self._data.parent.name}/{name}")
-        unit = times.attrs.get("units")
-        scale = UNITS.get(unit) if isinstance(unit, str) else None
-        if scale is None or times.shape != (self.n_frames,) or times.dtype.kind not in "iuf":
-            return None
-        return times[:].astype(np.float64) * scale
+        return self._seconds(self._found(f"{self._array.parent.name}/{name}"))
 
 
 def _films_of(file: h5py.File) -> Iterator[str]:

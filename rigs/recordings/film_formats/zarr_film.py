@@ -12,15 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import ALWAYS_ALLOWED, check_claim, errors_of_libraries
-from rigs.recordings.film_formats.hdf5 import UNITS
-from rigs.recordings.film_formats.npy import film_shape
-from rigs.recordings.recording import Reopened, check_index, frame_errors
+from rigs.recordings.film_formats.npy import ArrayFilm
 
 if TYPE_CHECKING:
     import zarr
 
 
-class ZarrFilm(Reopened):
+class ZarrFilm(ArrayFilm):
     """An array ``(frames, height, width)``; see `Recording`.
 
     Times are the array of the group that is named as the first dimension, where it has a unit of
@@ -39,9 +37,6 @@ class ZarrFilm(Reopened):
         If there is no such array of numbers, or the name does not say which.
     """
 
-    notes: tuple[str, ...] = ()
-    frame_rate: float | None = None
-
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
         self.path, self._given = Path(path), member
         import zarr
@@ -49,23 +44,16 @@ class ZarrFilm(Reopened):
         with errors_of_libraries(f"{self.path}: not a readable Zarr film"):
             opened = zarr.open(self.path, mode="r")
             self._group = opened if isinstance(opened, zarr.Group) else None
-            self._array = self._chosen(opened, member)
-            self.n_frames, self.image_size, self.bit_depth = film_shape(
-                self._array.shape, self._array.dtype
-            )
+            self._hold(self._chosen(opened, member))
             self._check_claims()
             self.timestamps = self._read_times()
 
     def _opened_by(self) -> tuple:
         return self.path, self._given
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index):
-            self._check_chunks(index)
-            frame = np.asarray(self._array[index])
-            return frame.astype(frame.dtype.newbyteorder("="), copy=False)
+    def _stored(self, index: int) -> NDArray:
+        self._check_chunks(index)
+        return super()._stored(index)
 
     def _chosen(self, opened: zarr.Array | zarr.Group, member: str | None) -> zarr.Array:
         """Return the array of a name, or the only one that is a film."""
@@ -121,9 +109,4 @@ class ZarrFilm(Reopened):
         names = names or self._array.attrs.get("_ARRAY_DIMENSIONS") or [None]
         if self._group is None or not isinstance(names[0], str) or names[0] not in self._group:
             return None
-        times: Any = self._group[names[0]]
-        unit = times.attrs.get("units")
-        scale = UNITS.get(unit) if isinstance(unit, str) else None
-        if scale is None or getattr(times, "shape", None) != (self.n_frames,):
-            return None
-        return np.asarray(times[:]).astype(np.float64) * scale
+        return self._seconds(self._group[names[0]])

@@ -33,8 +33,24 @@ PIXELS_AT_ONCE = 65_536
 """Pixels whose distortion is computed at once: bounds the working memory to some 10 MB."""
 
 
+class Averaged(PixelSource):
+    """Pixels that are the mean of their rays."""
+
+    pixels: PixelRuns | NDArray[np.int64]
+
+    @property
+    def n_pixels(self) -> int:
+        """Number of pixels."""
+        return len(self.pixels)
+
+    @property
+    def largest_weight(self) -> float:
+        """One: a pixel's rays are averaged."""
+        return 1.0
+
+
 @dataclass(frozen=True, eq=False)
-class CameraPixels(PixelSource):
+class CameraPixels(Averaged):
     """Pixels of a camera, whose rays are those of `tomo.rays.Rays.from_camera`.
 
     Attributes
@@ -83,16 +99,6 @@ class CameraPixels(PixelSource):
             Aperture.of(camera).check_ahead(camera.name, bend[..., 2:])
         runs = PixelRuns.all_of(count) if pixels is None else PixelRuns.of(pixels, count)
         return cls(camera, runs, supersample, bend, aperture_rays=aperture_rays)
-
-    @property
-    def n_pixels(self) -> int:
-        """Number of pixels."""
-        return len(self.pixels)
-
-    @property
-    def largest_weight(self) -> float:
-        """One: a pixel's rays are averaged."""
-        return 1.0
 
     @property
     def _rays_a_pixel(self) -> int:
@@ -151,7 +157,7 @@ class CameraPixels(PixelSource):
 
 
 @dataclass(frozen=True, eq=False)
-class GeneratedPixels(PixelSource):
+class GeneratedPixels(Averaged):
     """Pixels whose rays are made anew, by `tomo.rays.Rays.from_camera`, at every use.
 
     For cameras without a lens model, whose many rays a pixel would fill the memory.
@@ -194,16 +200,6 @@ class GeneratedPixels(PixelSource):
             counts.append(np.diff(made.pixel_ptr))
         ptr = np.cumsum(np.concatenate(counts))
         return cls(camera, numbers, ptr, supersample, aperture_rays, grid)
-
-    @property
-    def n_pixels(self) -> int:
-        """Number of pixels."""
-        return len(self.pixels)
-
-    @property
-    def largest_weight(self) -> float:
-        """One: a pixel's rays are averaged."""
-        return 1.0
 
     def take(self, numbers: Numbers) -> GeneratedPixels:
         """Return the source of some of the pixels."""
