@@ -19,7 +19,7 @@ from rigs.scene.mesh import Mesh
 from rigs.scene.mesh_file import read_mesh
 from rigs.scene.plates import Mirror, Window
 from rigs.scene.scene import Scene
-from rigs.scene.solids import Cylinder, Solid, Sphere
+from rigs.scene.solids import AnalyticSolid, Cylinder, Solid, Sphere
 
 TYPES: dict[str, type] = {
     "window": Window,
@@ -78,15 +78,25 @@ def scene_data(
         Gives the name of the file that holds a mesh.
     gas_name : callable
         Gives that of the file that holds the gas's ``index`` or ``extinction``.
+
+    Raises
+    ------
+    ValueError
+        If a solid is of a type that the file does not know.
     """
     solids = []
     for solid in scene.solids:
-        kind = next(name for name, cls in TYPES.items() if type(solid) is cls)
+        kind = next((name for name, cls in TYPES.items() if type(solid) is cls), None)
+        if kind is None:
+            raise ValueError(
+                f"scene: solid {solid.name}: found {type(solid).__name__}, expected one of "
+                f"{', '.join(TYPES)} to write to a file"
+            )
         data: dict[str, Any] = {"name": solid.name, "type": kind}
         if isinstance(solid, Mesh):
             data["file"] = mesh_name(solid)
             data |= {"smooth": True} if solid.smooth else {}
-        else:
+        elif isinstance(solid, AnalyticSolid):
             for field in fields(solid):
                 value = getattr(solid, field.name)
                 if field.name not in ("name", "material") and value not in (None, field.default):
@@ -116,10 +126,10 @@ def _solid(entry: SolidEntry, folder: Path, length_unit: str) -> Solid:
     for name in sorted(given - own - used):
         raise ValueError(f"{what}: {name}: found, expected no such field of a {entry.type}")
     for name in required:
-        if name not in given:
+        if getattr(entry, name) is None:
             raise ValueError(f"{what}: {name}: missing, expected for a {entry.type}")
-    if entry.type == "mesh":
-        return _mesh(entry, material, folder, length_unit)
+    if entry.file is not None:  # a mesh's alone
+        return _mesh(entry, entry.file, material, folder, length_unit)
     values = {name: getattr(entry, name) for name in own & given}
     return TYPES[entry.type](name=entry.name, material=material, **values)
 
@@ -154,10 +164,12 @@ def _material_data(material: Material, kind: str) -> dict[str, Any]:
     return data
 
 
-def _mesh(entry: SolidEntry, material: Material, folder: Path, length_unit: str) -> Mesh:
+def _mesh(
+    entry: SolidEntry, file: str, material: Material, folder: Path, length_unit: str
+) -> Mesh:
     """Return the solid of a mesh's file, in the rig's unit and at its place."""
     what = f"solid {entry.name}"
-    path = path_inside(entry.file, folder, f"{what}: file")
+    path = path_inside(file, folder, f"{what}: file")
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such file, which scene: {what} has for file")
     try:
@@ -166,6 +178,6 @@ def _mesh(entry: SolidEntry, material: Material, folder: Path, length_unit: str)
         R = np.eye(3) if entry.R is None else rotation(entry.R, "R")
         t = np.zeros(3) if entry.t is None else numbers(entry.t, (3,), "t")
     except ValueError as error:
-        raise ValueError(f"{what}: {entry.file}: {error}") from None
+        raise ValueError(f"{what}: {file}: {error}") from None
     vertices = factor * vertices @ R.T + t
-    return Mesh(entry.name, vertices, triangles, material, entry.smooth, entry.file)
+    return Mesh(entry.name, vertices, triangles, material, entry.smooth, file)

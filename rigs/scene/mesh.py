@@ -162,7 +162,7 @@ class Mesh:
         import open3d as o3d
 
         local = (points - self.vertices.mean(axis=0)).astype(np.float32)
-        inside = self._caster.compute_occupancy(o3d.core.Tensor(local), nsamples=3)
+        inside = self._caster.compute_occupancy(o3d.core.Tensor.from_numpy(local), nsamples=3)
         return inside.numpy() > 0.5
 
     def samples(self) -> NDArray[np.float64]:
@@ -177,11 +177,13 @@ class Mesh:
 
         caster = o3d.t.geometry.RaycastingScene()
         caster.add_triangles(
-            o3d.core.Tensor((self.vertices - self.vertices.mean(axis=0)).astype(np.float32)),
-            o3d.core.Tensor(self.triangles.astype(np.uint32)),
+            o3d.core.Tensor.from_numpy(
+                (self.vertices - self.vertices.mean(axis=0)).astype(np.float32)
+            ),
+            o3d.core.Tensor.from_numpy(self.triangles.astype(np.uint32)),
         )
         # the first cast builds the tree: threads that share the scene must find it built
-        caster.cast_rays(o3d.core.Tensor(np.array([[0, 0, 0, 1, 0, 0]], np.float32)))
+        caster.cast_rays(o3d.core.Tensor.from_numpy(np.array([[0, 0, 0, 1, 0, 0]], np.float32)))
         return caster
 
     @cached_property
@@ -239,7 +241,7 @@ class Mesh:
         start = ahead[rays] + np.where(leaves[rays], _AHEAD * self.diameter, 0.0)
         near = origins[rays] + start[:, None] * directions[rays] - self.vertices.mean(axis=0)
         lines = np.concatenate([near, directions[rays]], axis=1).astype(np.float32)
-        cast = self._caster.cast_rays(o3d.core.Tensor(lines))
+        cast = self._caster.cast_rays(o3d.core.Tensor.from_numpy(lines))
         triangle = cast["primitive_ids"].numpy().astype(np.int64)
         met = triangle < len(self.triangles)  # a miss is the largest number
         rays, triangle = rays[met], triangle[met]

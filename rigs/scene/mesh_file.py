@@ -44,8 +44,8 @@ def read_mesh(path: str | os.PathLike) -> tuple[NDArray[np.float64], NDArray[np.
 
     data = path.read_bytes()
     try:
-        loaded = trimesh.load(
-            io.BytesIO(data), file_type=suffix, process=False, maintain_order=True, force="mesh"
+        loaded = trimesh.load_mesh(
+            io.BytesIO(data), file_type=suffix, process=False, maintain_order=True
         )
         vertices = np.array(loaded.vertices, np.float64)
         triangles = np.array(loaded.faces, np.int64).reshape(-1, 3)

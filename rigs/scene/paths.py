@@ -107,8 +107,8 @@ def trace_paths(
     gas : IndexField, optional
         Gas that bends rays; no solid reaches into its box.
     """
-    boxes = [mesh.box for _, mesh in meshes]
-    boxes = np.array(boxes if gas is None else [*boxes, gas_box(gas)]).reshape(-1, 2, 3)
+    bounds = [mesh.box for _, mesh in meshes] + ([] if gas is None else [gas_box(gas)])
+    boxes = np.array(bounds).reshape(-1, 2, 3)
     numbers = numbers_of(faces)
     pieces = _pieces(MOST_FACES + 1, min(AT_ONCE, len(origins)))
     counts, ends = np.zeros(len(origins), np.int64), np.zeros(len(origins), np.int64)
@@ -125,7 +125,7 @@ def trace_paths(
             columns = _grown(columns, wanted + wanted // 16)
         write_pieces(rays.pieces, starts, pieces, columns)
     ray_ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
-    return Paths(*(column[:total] for column in columns), ray_ptr, ends)
+    return Paths(*Pieces(*(column[:total] for column in columns)), ray_ptr, ends)
 
 
 def _rays(origins: NDArray[np.float64], directions: NDArray[np.float64], medium: float) -> Rays:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,9 +41,23 @@ class Window(AnalyticSolid):
     normal: Vector
     thickness: float
     material: Glass
-    beyond: float | str | None = None
+    beyond: float | None = None
     size: float | tuple[float, float] | None = None
     across: Vector | None = None
+
+    if TYPE_CHECKING:  # an index may be given by name; the field is a number
+
+        def __init__(
+            self,
+            name: str,
+            point: Vector,
+            normal: Vector,
+            thickness: float,
+            material: Glass,
+            beyond: float | str | None = None,
+            size: float | tuple[float, float] | None = None,
+            across: Vector | None = None,
+        ) -> None: ...
 
     _POINTS, _DIRECTIONS = ("point",), ("normal", "across")
     _LENGTHS = ("thickness", "size")
@@ -70,19 +85,19 @@ class Window(AnalyticSolid):
         """Return the table of its faces; see `Solid`."""
         normal, point = np.array(self.normal), np.array(self.point)
         second = point - self.thickness * normal
-        outline = _outline(self)
+        across, radius, half = _outline(self)
         glass = (self.material.index, self.material.extinction)
         beyond = (medium if self.beyond is None else self.beyond, 0.0)
         table = [
-            face(PLANE, self.material, point, normal, front=(medium, 0.0), **outline),
-            face(PLANE, self.material, second, normal, front=glass, behind=beyond, **outline),
-        ]
+            face(
+                PLANE, self.material, place, normal,
+                front=front, behind=behind, across=across, radius=radius, half=half,
+            )
+            for place, front, behind in ((point, (medium, 0.0), None), (second, glass, beyond))
+        ]  # fmt: skip
         middle = (point + second) / 2
-        if self.size is not None and np.ndim(self.size) == 0:
-            half = (self.thickness / 2, np.inf)
-            table.append(face(CYLINDER, Opaque(), middle, normal, radius=self.size / 2, half=half))
-        elif self.size is not None:
-            sides = (outline["across"], np.cross(normal, outline["across"]))
+        if isinstance(self.size, tuple):
+            sides = (across, np.cross(normal, across))
             for side, length, other in zip(sides, self.size, self.size[::-1], strict=True):
                 for sign in (-1, 1):
                     table.append(
@@ -91,6 +106,9 @@ class Window(AnalyticSolid):
                             across=normal, half=(self.thickness / 2, other / 2),
                         )
                     )  # fmt: skip
+        elif self.size is not None:
+            rim = (self.thickness / 2, np.inf)
+            table.append(face(CYLINDER, Opaque(), middle, normal, radius=radius, half=rim))
         return np.concatenate(table)
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -146,9 +164,11 @@ class Mirror(AnalyticSolid):
 
     def faces(self, medium: float) -> NDArray:
         """Return the table of its face; see `Solid`."""
+        across, radius, half = _outline(self)
         return face(
-            PLANE, self.material, self.point, self.normal, front=(medium, 0.0), **_outline(self)
-        )
+            PLANE, self.material, self.point, self.normal, front=(medium, 0.0), across=across,
+            radius=radius, half=half,
+        )  # fmt: skip
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return False for all: it has no inside."""
@@ -161,12 +181,14 @@ class Mirror(AnalyticSolid):
 
 def _check_across(plate: Window | Mirror) -> None:
     """Check the size of a plate, and make ``across`` perpendicular to its normal."""
-    if plate.size is not None and np.shape(plate.size) not in ((), (2,)):
-        raise ValueError(
-            f"{plate.what}: size: found {plate.size!r}, expected a diameter or two sides"
-        )
-    if plate.size is not None and np.ndim(plate.size):
-        object.__setattr__(plate, "size", tuple(float(side) for side in plate.size))
+    if plate.size is not None:
+        size = np.asarray(plate.size, float)
+        if size.shape not in ((), (2,)):
+            raise ValueError(
+                f"{plate.what}: size: found {plate.size!r}, expected a diameter or two sides"
+            )
+        if size.ndim:
+            object.__setattr__(plate, "size", tuple(size.tolist()))
     if plate.across is None:
         return
     normal = np.array(plate.normal)
@@ -180,24 +202,30 @@ def _check_across(plate: Window | Mirror) -> None:
     object.__setattr__(plate, "across", unit_vector(across))
 
 
-def _outline(plate: Window | Mirror) -> dict:
-    """Return the extent of a plate's face, as `rigs.scene.surfaces.face` takes it."""
+class _Outline(NamedTuple):
+    """The extent of a plate's face, as `rigs.scene.surfaces.face` takes it."""
+
+    across: NDArray[np.float64]
+    radius: float = np.inf
+    half: tuple[float, float] = (np.inf, np.inf)
+
+
+def _outline(plate: Window | Mirror) -> _Outline:
+    """Return the extent of a plate's face."""
     normal = np.array(plate.normal)
     across = perpendicular(normal) if plate.across is None else np.array(plate.across)
     if plate.size is None:
-        return {"across": across}
-    if np.ndim(plate.size) == 0:
-        return {"across": across, "radius": plate.size / 2}
-    return {"across": across, "half": (plate.size[0] / 2, plate.size[1] / 2)}
+        return _Outline(across)
+    if isinstance(plate.size, tuple):
+        return _Outline(across, half=(plate.size[0] / 2, plate.size[1] / 2))
+    return _Outline(across, radius=plate.size / 2)
 
 
 def _inside_outline(plate: Window | Mirror, away: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return whether points ``(N, 3)`` from a plate's middle are before or behind its face."""
-    outline = _outline(plate)
-    normal, across = np.array(plate.normal), outline["across"]
+    normal, (across, radius, half) = np.array(plate.normal), _outline(plate)
     flat = np.stack([away @ across, away @ np.cross(normal, across)], axis=1)
-    half = outline.get("half", (np.inf, np.inf))
-    inside = np.linalg.norm(flat, axis=1) <= outline.get("radius", np.inf)
+    inside = np.linalg.norm(flat, axis=1) <= radius
     return inside & (np.abs(flat) <= half).all(axis=1)
 
 
@@ -206,9 +234,8 @@ def _on_plane(plate: Window | Mirror) -> NDArray[np.float64]:
     point = np.array(plate.point)
     if plate.size is None:
         return point[None]
-    outline = _outline(plate)
-    normal, across = np.array(plate.normal), outline["across"]
-    half = np.array(outline.get("half", (outline.get("radius"),) * 2))
+    normal, (across, radius, half) = np.array(plate.normal), _outline(plate)
+    half = half if isinstance(plate.size, tuple) else (radius, radius)
     steps = np.linspace(-1, 1, AROUND)
     u, v = np.meshgrid(steps * half[0], steps * half[1])
     points = u.ravel()[:, None] * across + v.ravel()[:, None] * np.cross(normal, across)

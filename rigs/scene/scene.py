@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -48,9 +49,19 @@ class Scene:
     """
 
     solids: tuple[Solid, ...] = ()
-    medium: float | str = 1.0
+    medium: float = 1.0
     fresnel: bool = False
     gas: Gas | None = None
+
+    if TYPE_CHECKING:  # an index may be given by name; the field is a number
+
+        def __init__(
+            self,
+            solids: Iterable[Solid] = ...,
+            medium: float | str = 1.0,
+            fresnel: bool = False,
+            gas: Gas | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Check names and overlaps."""
@@ -85,7 +96,8 @@ class Scene:
     @cached_property
     def _tables(self) -> tuple[NDArray, list[tuple[int, Mesh]]]:
         """All faces, and the meshes with the number of the row that stands for each."""
-        parts, meshes, first = [], [], 0
+        parts, first = [np.zeros(0, FACE)], 0
+        meshes: list[tuple[int, Mesh]] = []
         for number, solid in enumerate(self.solids):
             rows = solid.faces(self.medium)
             rows["solid"] = number
@@ -93,7 +105,7 @@ class Scene:
                 meshes.append((first, solid))
             parts.append(rows)
             first += len(rows)
-        return np.concatenate([np.zeros(0, FACE), *parts]), meshes
+        return np.concatenate(parts), meshes
 
     def paths(
         self, origins: ArrayLike, directions: ArrayLike, region: NDArray[np.float64] = EVERYWHERE

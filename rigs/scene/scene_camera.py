@@ -196,7 +196,7 @@ class SceneCamera(OnImage, NearestPinhole):
         uv = pixels_that_pass(self.camera, self.scene, points)
         with np.errstate(invalid="ignore", over="ignore"):
             depth = (points - self.position) @ self.R[2]
-        return uv, depth, np.isfinite(uv).all(axis=1)
+        return uv, depth, np.asarray(np.isfinite(uv).all(axis=1))
 
     def _changed(self, change: Callable[[CameraLike], CameraLike]) -> Self:
         return replace(self, camera=change(self.camera))
@@ -229,18 +229,22 @@ class SceneCamera(OnImage, NearestPinhole):
         """Return the camera and its scene after the rigid motion ``x_new = R @ x_old + t``."""
         R = rotation(R, f"camera {self.name}: motion R")
         t = numbers(t, (3,), f"camera {self.name}: motion t")
-        return SceneCamera(
-            self.camera.transformed(R, t),
-            self.scene.transformed(R, t),
-            tuple(R @ np.array(self.middle) + t),
+        x, y, z = (R @ np.array(self.middle) + t).tolist()
+        return replace(
+            self,
+            camera=self.camera.transformed(R, t),
+            scene=self.scene.transformed(R, t),
+            middle=(x, y, z),
         )
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the camera of a world whose lengths are ``factor`` times as large."""
-        return SceneCamera(
-            self.camera.with_lengths_scaled(factor),
-            self.scene.with_lengths_scaled(factor),
-            tuple(factor * x for x in self.middle),
+        x, y, z = self.middle
+        return replace(
+            self,
+            camera=self.camera.with_lengths_scaled(factor),
+            scene=self.scene.with_lengths_scaled(factor),
+            middle=(factor * x, factor * y, factor * z),
         )
 
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
-from typing import Protocol, Self
+from dataclasses import Field, dataclass, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,17 +20,15 @@ AROUND = 24
 
 
 class Solid(Protocol):
-    """What stands in the light's way.
+    """What stands in the light's way."""
 
-    Attributes
-    ----------
-    name : str
-        Unique in a scene.
-    material : Material
-    """
+    @property
+    def name(self) -> str:
+        """Unique in a scene."""
 
-    name: str
-    material: Material
+    @property
+    def material(self) -> Material:
+        """The solid's material."""
 
     def faces(self, medium: float) -> NDArray:
         """Return the table of its faces, `rigs.scene.surfaces.FACE`, in a medium of that index."""
@@ -55,7 +53,14 @@ class Solid(Protocol):
 class AnalyticSolid:
     """Checks and motions that solids of closed form share; fields say which they have."""
 
-    _POINTS, _DIRECTIONS, _LENGTHS = (), (), ()
+    if TYPE_CHECKING:  # every solid is a dataclass that has these fields
+        __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+        name: str
+        material: Material
+
+    _POINTS: ClassVar[tuple[str, ...]] = ()
+    _DIRECTIONS: ClassVar[tuple[str, ...]] = ()
+    _LENGTHS: ClassVar[tuple[str, ...]] = ()
 
     def __post_init__(self) -> None:
         """Check every field and make vectors plain tuples."""
@@ -99,7 +104,7 @@ class AnalyticSolid:
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the solid of a world whose lengths are ``factor`` times as large."""
-        scaled = {}
+        scaled: dict[str, Any] = {}
         for name in (*self._POINTS, *self._LENGTHS):
             value = getattr(self, name)
             if value is not None:
@@ -115,7 +120,8 @@ class AnalyticSolid:
 def unit_vector(vector: NDArray[np.float64]) -> Vector:
     """Return a direction at length one; one that is so to rounding stays as a file holds it."""
     length = np.linalg.norm(vector)
-    return tuple((vector if abs(length - 1) < 1e-15 else vector / length).tolist())
+    x, y, z = (vector if abs(length - 1) < 1e-15 else vector / length).tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True)
@@ -144,7 +150,21 @@ class Cylinder(AnalyticSolid):
     length: float
     material: Material
     inner_radius: float = 0.0
-    inside: float | str | None = None
+    inside: float | None = None
+
+    if TYPE_CHECKING:  # an index may be given by name; the field is a number
+
+        def __init__(
+            self,
+            name: str,
+            point: Vector,
+            axis: Vector,
+            radius: float,
+            length: float,
+            material: Material,
+            inner_radius: float = 0.0,
+            inside: float | str | None = None,
+        ) -> None: ...
 
     _POINTS, _DIRECTIONS, _LENGTHS = ("point",), ("axis",), ("radius", "length", "inner_radius")
 
@@ -193,15 +213,15 @@ class Cylinder(AnalyticSolid):
         if not math.isfinite(self.length):
             return np.concatenate(table)
         for sign in (-1, 1):
-            end = {"point": middle + sign * self.length / 2 * axis, "axis": sign * axis}
+            end, out = middle + sign * self.length / 2 * axis, sign * axis
             table.append(
                 face(
-                    PLANE, self.material, **end, radius=self.radius, hole=self.inner_radius,
+                    PLANE, self.material, end, out, radius=self.radius, hole=self.inner_radius,
                     front=around,
                 )
             )  # fmt: skip
             if self.inner_radius > 0 and self.inside is not None:
-                table.append(face(PLANE, Opaque(), **end, radius=self.inner_radius))
+                table.append(face(PLANE, Opaque(), end, out, radius=self.inner_radius))
         return np.concatenate(table)
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:

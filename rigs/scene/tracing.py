@@ -63,6 +63,7 @@ def numbers_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     numbers : (F, 21) float64
         The others, in the order of `POINT` and its neighbours.
     """
+    assert FACE.names is not None  # a structured type
     whole, real = FACE.names[:3], FACE.names[3:]
     kinds = np.stack([table[name] for name in whole], axis=1)
     return kinds, np.column_stack([table[name] for name in real])

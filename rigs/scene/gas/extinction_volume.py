@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -33,6 +33,10 @@ class ExtinctionVolume(VoxelBox):
     values: NDArray[np.float64]
     lower: NDArray[np.float64]
     spacing: NDArray[np.float64]
+
+    if TYPE_CHECKING:  # arrays may be given in any form; the fields are arrays
+
+        def __init__(self, values: ArrayLike, lower: ArrayLike, spacing: ArrayLike) -> None: ...
 
     def __post_init__(self) -> None:
         """Check the values, and keep them read-only."""
@@ -71,7 +75,8 @@ class ExtinctionVolume(VoxelBox):
         Exact: voxels count by the volume that they share, which is a product over the axes.
         """
         means = self.values
-        for axis, (start, edge, count) in enumerate(zip(lower, spacing, shape, strict=True)):
+        first, wide = np.asarray(lower, np.float64), np.asarray(spacing, np.float64)
+        for axis, (start, edge, count) in enumerate(zip(first, wide, shape, strict=True)):
             theirs = start + edge * np.arange(count + 1)
             own = self.lower[axis] + self.spacing[axis] * np.arange(means.shape[axis] + 1)
             if count == means.shape[axis] and np.allclose(own, theirs, 0, 1e-9 * edge):

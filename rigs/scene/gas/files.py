@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import io
 import os
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +23,8 @@ FINE = 1e-3
 edges bend light more than the gas does."""
 
 _KEYS = ("data", "origin", "spacing")
+
+_Volume = TypeVar("_Volume", IndexVolume, ExtinctionVolume)
 
 
 def read_gas(
@@ -51,23 +55,27 @@ def read_gas(
     ValueError
         In one line: the field, the file, what was found, what was expected.
     """
-    makers = {"index": lambda *box: IndexVolume(*box, medium), "extinction": ExtinctionVolume}
-    found = {}
-    for name, file in (("index", index), ("extinction", extinction)):
-        if file is None:
-            continue
+
+    def volume(
+        name: str, file: str, make: Callable[[NDArray, NDArray, NDArray], _Volume]
+    ) -> _Volume:
         where = f"gas: {name}"
         path = path_inside(file, Path(folder), where)
         if not path.is_file():
             raise FileNotFoundError(f"{path}: no such file, which scene: {where} names")
         try:
-            values, lower, spacing = read_voxels(path, length_unit)
-            if name == "index":
-                _check_steps(values)
-            found[name] = makers[name](values, lower, spacing)
+            return make(*read_voxels(path, length_unit))
         except ValueError as error:
             raise ValueError(f"{where}: {file}: {error}") from None
-    return Gas(**found)
+
+    def bending(values: NDArray, lower: NDArray, spacing: NDArray) -> IndexVolume:
+        _check_steps(values)
+        return IndexVolume(values, lower, spacing, medium)
+
+    return Gas(
+        None if index is None else volume("index", index, bending),
+        None if extinction is None else volume("extinction", extinction, ExtinctionVolume),
+    )
 
 
 def read_voxels(

@@ -32,7 +32,13 @@ def follow(
     tolerance: float,
     origins: NDArray[np.float64],
     directions: NDArray[np.float64],
-) -> tuple[NDArray[np.float64], ...]:
+) -> tuple[
+    NDArray[np.float64],
+    NDArray[np.int64],
+    NDArray[np.float64],
+    NDArray[np.float64],
+    NDArray[np.bool_],
+]:
     """Return the pieces ``(P, 7)`` of rays, their counts ``(rays,)``, exits and what was trapped.
 
     Parameters

@@ -20,7 +20,9 @@ _ALONG = 9
 class SolidLike(Protocol):
     """A solid, as far as gas has to know it."""
 
-    name: str
+    @property
+    def name(self) -> str:
+        """Unique in a scene."""
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return whether points ``(N, 3)`` are inside, ``(N,)``."""
@@ -90,10 +92,16 @@ class Gas:
 
     def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
         """Return the gas after the rigid motion ``x_new = R @ x_old + t`` of the world."""
-        moved = (one and one.transformed(R, t) for one in (self.index, self.extinction))
-        return replace(self, **dict(zip(("index", "extinction"), moved, strict=True)))
+        return replace(
+            self,
+            index=self.index and self.index.transformed(R, t),
+            extinction=self.extinction and self.extinction.transformed(R, t),
+        )
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the gas of a world whose lengths are ``factor`` times as large."""
-        scaled = (one and one.with_lengths_scaled(factor) for one in (self.index, self.extinction))
-        return replace(self, **dict(zip(("index", "extinction"), scaled, strict=True)))
+        return replace(
+            self,
+            index=self.index and self.index.with_lengths_scaled(factor),
+            extinction=self.extinction and self.extinction.with_lengths_scaled(factor),
+        )

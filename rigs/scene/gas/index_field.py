@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
 from itertools import pairwise
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -35,8 +37,15 @@ class IndexField(ABC):
         The box's corners.
     """
 
-    lower: NDArray[np.float64]
-    upper: NDArray[np.float64]
+    if TYPE_CHECKING:  # attributes or properties: a field says which
+
+        @property
+        def lower(self) -> NDArray[np.float64]:
+            """The box's lower corner, ``(3,)``."""
+
+        @property
+        def upper(self) -> NDArray[np.float64]:
+            """The box's upper corner, ``(3,)``."""
 
     @abstractmethod
     def index(self, points: ArrayLike) -> NDArray[np.float64]:
@@ -100,6 +109,32 @@ class IndexField(ABC):
         start, stop = straight_through(self, *pairs_of_vectors(origins, directions))
         return np.where(stop - start > TOUCH * (self.upper - self.lower).max(), start, np.inf)
 
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the field after the rigid motion ``x_new = R @ x_old + t``, where it can move.
+
+        Raises
+        ------
+        ValueError
+            If the field does not say how, as a formula.
+        """
+        raise ValueError(
+            f"gas: index: found {type(self).__name__}, which does not say how it moves, expected "
+            "voxels: sample it in an IndexVolume, or give it the method transformed"
+        )
+
+    def with_lengths_scaled(self, factor: float) -> Self:
+        """Return the field of a world whose lengths are ``factor`` times as large.
+
+        Raises
+        ------
+        ValueError
+            If the field does not say how, as a formula.
+        """
+        raise ValueError(
+            f"gas: index: found {type(self).__name__}, which does not say how it scales, expected "
+            "voxels: sample it in an IndexVolume, or give it the method with_lengths_scaled"
+        )
+
 
 def straight_through(
     field: IndexField, origins: NDArray[np.float64], directions: NDArray[np.float64]
@@ -114,6 +149,19 @@ def straight_through(
     start = np.maximum(near, 0.0)
     meets = far > start
     return np.where(meets, start, 0.0), np.where(meets, far, 0.0)
+
+
+@dataclass(frozen=True)
+class _Leaves:
+    """The event that ends a solver's path: the distance to the nearest face falls below 0."""
+
+    field: IndexField
+    terminal = True
+    direction = -1
+
+    def __call__(self, _: float, state: NDArray) -> float:
+        point = state[:3]
+        return min((point - self.field.lower).min(), (self.field.upper - point).min())
 
 
 def _path(
@@ -135,18 +183,15 @@ def _path(
         point = state[:3][None]
         return np.concatenate([state[3:], field.index(point)[0] * field.gradient(point)[0]])
 
-    def inside(_: float, state: NDArray) -> float:
-        return min((state[:3] - field.lower).min(), (field.upper - state[:3]).min())
-
-    inside.terminal, inside.direction = True, -1
     index = float(field.index(origin[None])[0])
     begin = np.concatenate([origin, index * direction])
     step = float((field.upper - field.lower).min()) / STEPS
     how = {"method": "DOP853", "rtol": RELATIVE, "atol": ABSOLUTE * size, "max_step": step}
     first = min((stop - start) / index / 2, step)  # one beyond the box would be none into it
     found = solve_ivp(
-        motion, (0.0, 1e6 * size), begin, events=inside, dense_output=True, first_step=first, **how
-    )
+        motion, (0.0, 1e6 * size), begin, events=_Leaves(field), dense_output=True,
+        first_step=first, **how,
+    )  # fmt: skip
     times = found.t
     spans = [np.linspace(a, b, NODES, endpoint=False) for a, b in pairwise(times)]
     states = found.sol(np.concatenate(spans)).T

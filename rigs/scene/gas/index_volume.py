@@ -74,6 +74,12 @@ class IndexVolume(VoxelBox, IndexField):
     spacing: NDArray[np.float64]
     medium: float = 1.0
 
+    if TYPE_CHECKING:  # arrays may be given in any form; the fields are arrays
+
+        def __init__(
+            self, values: ArrayLike, lower: ArrayLike, spacing: ArrayLike, medium: float = 1.0
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         """Check the values, and keep them read-only."""
         values, medium = values_of(self.values, "index volume"), self.medium
@@ -121,8 +127,8 @@ class IndexVolume(VoxelBox, IndexField):
 
     def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the gradient of the index at points ``(N, 3)``; zero outside."""
-        slopes = [self._spline(points, tuple(row)) for row in np.eye(3, dtype=int).tolist()]
-        slopes = np.stack(slopes, axis=-1) / self.spacing
+        along = [self._spline(points, tuple(row)) for row in np.eye(3, dtype=int).tolist()]
+        slopes = np.stack(along, axis=-1) / self.spacing
         return slopes / (2 * self.index(points))[:, None]
 
     def cross(
@@ -133,13 +139,14 @@ class IndexVolume(VoxelBox, IndexField):
         The tolerance is a hundredth of a voxel's shortest edge when None.
         """
         origins, directions = pairs_of_vectors(origins, directions)
-        pieces, counts, *rest = follow(
+        pieces, counts, last, along, trapped = follow(
             self.coefficients, self.halvings, self.medium, self.lower, self.spacing,
             CHORD * self.spacing.min() if tolerance is None else tolerance, origins, directions,
         )  # fmt: skip
         ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
-        parts = (np.ascontiguousarray(pieces[:, some]) for some in (slice(3), slice(3, 6), 6))
-        return Crossing(*parts, ptr, *rest)
+        starts, ways = (np.ascontiguousarray(pieces[:, some]) for some in (slice(3), slice(3, 6)))
+        lengths = np.ascontiguousarray(pieces[:, 6])
+        return Crossing(starts, ways, lengths, ptr, last, along, trapped)
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the volume of a world whose lengths are ``factor`` times as large."""

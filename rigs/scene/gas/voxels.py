@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import fields, replace
-from typing import Self
+from dataclasses import Field, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -40,6 +40,9 @@ def edges(spacing: ArrayLike, what: str) -> NDArray[np.float64]:
 
 class VoxelBox:
     """What boxes of voxels share: dataclasses with ``values``, ``lower`` and ``spacing``."""
+
+    if TYPE_CHECKING:  # of every one of them
+        __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
 
     values: NDArray[np.float64]
     lower: NDArray[np.float64]

@@ -8,7 +8,7 @@ import trimesh
 import yaml
 
 from rigs import Camera, Rig, Volume, load_rig, look_at, save_rig
-from rigs.scene import Mesh, Opaque
+from rigs.scene import Mesh, Opaque, Scene
 from rigs.scene.mesh import LARGEST
 
 WINDOW = {"name": "pane", "type": "window", "point": [0, 0, 60], "normal": [0, 0, 1],
@@ -57,6 +57,9 @@ CASES = {
     "one name twice": ([BALL, WINDOW | {"name": "ball", "point": [0, 0, 90]}], "found twice"),
     "thickness of 0": ([WINDOW | {"thickness": 0}], "solid pane: thickness: found 0"),
     "no thickness": ([without(WINDOW, "thickness")], "solid pane: thickness: missing"),
+    "thickness of nothing": ([WINDOW | {"thickness": None}], "solid pane: thickness: missing"),
+    "radius of nothing": ([BALL | {"radius": None}], "solid ball: radius: missing"),
+    "file of nothing": ([MESH | {"file": None}], "solid part: file: missing"),
     "no index": ([without(WINDOW, "index")], "solid pane: index: missing"),
     "radius of a window": ([WINDOW | {"radius": 3}], "radius: found, expected no such"),
     "unknown field": ([WINDOW | {"colour": "red"}], "solid pane: colour"),
@@ -83,6 +86,26 @@ def test_a_scene_that_cannot_be_is_refused_in_one_line(load, case):
     assert re.search(re.escape(expected), message), message
     assert "\n" not in message
     assert "rig.yaml" in message or "part.stl" in message
+
+
+class Ring:
+    """A solid of a user's own."""
+
+    name, material, diameter = "ring", Opaque(), 1.0
+
+    def samples(self):
+        return np.zeros((1, 3))
+
+    def contains(self, points):
+        return np.zeros(len(points), bool)
+
+
+def test_a_solid_that_the_file_does_not_know_is_not_written(load, tmp_path):
+    rig = load().through(Scene((Ring(),)))
+    with pytest.raises(
+        ValueError, match=r"solid ring: found Ring, expected one of window, .*mesh"
+    ):
+        save_rig(rig, tmp_path / "new.yaml")
 
 
 def ball(radius=5.0):

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from rigs.scene.gas import Crossing, IndexField
+from rigs.scene.gas import Crossing, Gas, IndexField
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +55,14 @@ def test_a_linear_gradient_of_the_squared_index_makes_parabolas():
     np.testing.assert_allclose(found.exit_origins, parabola, atol=1e-10)
     assert (np.abs(found.exit_origins).max(axis=1) > 1 - 1e-12).all()
     assert (np.abs(found.exit_directions - directions).max(axis=1) > 0.05).all()
+
+
+def test_a_formula_that_does_not_say_how_it_moves_is_left_where_it_is():
+    gas = Gas(Slope(np.array([0.1, 0.4, -0.2])))
+    with pytest.raises(ValueError, match="found Slope, which does not say how it moves"):
+        gas.transformed(np.eye(3), np.ones(3))
+    with pytest.raises(ValueError, match="found Slope, which does not say how it scales"):
+        gas.with_lengths_scaled(25.4)
 
 
 def parallel_rays(count, seed):
