@@ -25,7 +25,7 @@ from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.ignored_glass import ignored_glass
 from rigs.calibrate.quality.quality import measure
 from rigs.calibrate.quality.summary import summary
-from rigs.calibrate.quality.windows import adjusted_windows, window_findings
+from rigs.calibrate.quality.windows import AdjustedWindow, adjusted_windows, window_findings
 from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.calibrate.result import Calibration
 from rigs.calibrate.through_scene import Through, adjust_through, looked_through
@@ -150,7 +150,7 @@ def calibrate(
         observations = replace(observations, target_points=points * size)
     arrays, used = adjusted.arrays.scaled(scale * size), np.zeros(len(observations), bool)
     rig = Rig(_cameras(observations, found, intrinsics), length_unit, world_frame, volume)
-    if found.refraction is not None:
+    if scene is not None and found.refraction is not None:
         adjusted_solids = {name: found.refraction.window(name) for name in found.windows}
         solids = tuple(adjusted_solids.get(solid.name, solid) for solid in scene.solids)
         optical = replace(scene, solids=solids)
@@ -170,7 +170,8 @@ def calibrate(
     offsets = None if synchrony is None else synchrony.in_words()
     held = rules.in_words()
     warnings, notes = findings(quality, observations, used, noise, voxel, offsets, held)
-    seen_windows, through_what = (), ()
+    seen_windows: tuple[AdjustedWindow, ...] = ()
+    through_what: list[list[str]] = []
     if found.refraction is not None:
         seen_windows = adjusted_windows(found.refraction, adjusted.freedom, covariance)
         through_what = looked_through(adjusted, len(names))

@@ -25,7 +25,7 @@ from rigs.calibrate.adjust.shared_views import rig_poses
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
 from rigs.calibrate.synchrony import Synchrony, adjust_in_step, in_step
-from rigs.camera import Camera
+from rigs.camera_protocol import CameraLike, has_lens
 from rigs.rig import Rig
 
 _GIVEN = Terms("given", "none", ())
@@ -64,16 +64,19 @@ class Adjusted:
 
     def by_number(self, quality: Quality) -> Quality:
         """Return the figures with those of images under the frames of their own numbers."""
-        if self.synchrony is None:
+        if self.film is None or self.synchrony is None:
             return quality
         filed = np.stack([self.film.partners(-delay) for delay in self.synchrony.whole])
-        figures = {
-            name: np.where(
-                filed >= 0, np.take_along_axis(getattr(quality, name), filed, 1), np.nan
-            )
-            for name in ("image_rms", "alone_rms", "contradiction")
-        }
-        return replace(quality, **figures)
+
+        def own(figures: NDArray[np.float64]) -> NDArray[np.float64]:
+            return np.where(filed >= 0, np.take_along_axis(figures, filed, 1), np.nan)
+
+        return replace(
+            quality,
+            image_rms=own(quality.image_rms),
+            alone_rms=own(quality.alone_rms),
+            contradiction=own(quality.contradiction),
+        )
 
     def out_of_step(self, observations: Observations) -> tuple[str, ...]:
         """Return lines on cameras out of step, and on images of moments that nothing shows."""
@@ -214,7 +217,7 @@ def _adjusted(
 
     def adjusted(scene: Scene, freedom: Freedom) -> Culled:
         nonlocal arrays, offset
-        if freedom.time is None and not offset.any():
+        if film is None or (freedom.time is None and not offset.any()):
             return adjust_and_cull(scene, arrays, freedom, cull)
         kept, arrays, offset = adjust_in_step(film, scene, unmoved, freedom, cull, offset)
         return kept
@@ -228,8 +231,9 @@ def _adjusted(
     return kept, arrays, freedom, terms, offset
 
 
-def _given(camera: Camera) -> tuple[Lens, Terms]:
+def _given(camera: CameraLike) -> tuple[Lens, Terms]:
     """Return the lens of a camera whose intrinsics are kept."""
+    assert has_lens(camera)  # `check_options` let no other pass
     lens = camera.distortion
     return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
 

@@ -57,7 +57,7 @@ class Observations:
                 f"image_sizes: found {len(self.image_sizes)}, expected {len(self.cameras)}, "
                 "one per camera"
             )
-        arrays = {"target_points": points, "uv": uv}
+        arrays: dict[str, NDArray] = {"target_points": points, "uv": uv}
         limits = {"camera": len(self.cameras), "frame": len(self.frames), "point": len(points)}
         for name, limit in limits.items():
             indices = np.array(getattr(self, name), np.int64).reshape(-1)
@@ -95,8 +95,6 @@ class Observations:
             np.array_equal(getattr(self, field.name), getattr(other, field.name))
             for field in fields(self)
         )
-
-    __hash__ = None
 
     def where(self, keep: NDArray[np.bool_]) -> Observations:
         """Return the observations where ``keep`` ``(N,)`` holds; cameras and frames stay."""

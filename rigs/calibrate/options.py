@@ -41,11 +41,14 @@ def check_options(
             f"target: its pose is ambiguous ({ambiguity}), expected one that looks the same from "
             "one side only, to find where cameras stand"
         )
-    for name in cameras if intrinsics is not None else ():
-        if name not in intrinsics:
-            raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
-        if not intrinsics[name].has_lens_model:
-            raise ValueError(f"intrinsics: camera {name}: found a table of rays, expected a lens")
+    if intrinsics is not None:
+        for name in cameras:
+            if name not in intrinsics:
+                raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
+            if not intrinsics[name].has_lens_model:
+                raise ValueError(
+                    f"intrinsics: camera {name}: found a table of rays, expected a lens"
+                )
     if rescale and scene is not None:
         raise ValueError(
             "rescale: found True with a scene, expected lengths of scene and target in one unit"

@@ -141,7 +141,7 @@ def in_step(
     start = scene if whole.any() else together
     scene, moved, offset = _settled(film, start, filed, timed, np.zeros(cameras), _ROUGH_WAY)
     kept = adjust_and_cull(scene, moved, timed, cull=True)
-    scene, offset = kept.solution.scene, offset + kept.solution.scene.offset
+    scene, offset = kept.solution.scene, offset + kept.solution.scene.delays
     scene = replace(scene, offset=None)
     moved = film.moved(scene, filed, offset)
     covariance = _covariance(scene, moved, kept.used & np.isfinite(moved.points[:, 0]), timed)
@@ -181,10 +181,9 @@ def adjust_in_step(
     scene, moved, offset = _settled(film, scene, arrays, freedom, offset, _SETTLED_WAY)
     kept = adjust_and_cull(scene, moved, freedom, cull)
     scene = kept.solution.scene
-    moved = replace(moved, points=moved.points + scene.offset[moved.camera, None] * moved.velocity)
-    offset = offset + scene.offset
     settled = replace(scene, offset=np.zeros(len(offset)))
-    return replace(kept, solution=replace(kept.solution, scene=settled)), moved, offset
+    kept = replace(kept, solution=replace(kept.solution, scene=settled))
+    return kept, moved.after(scene.delays), offset + scene.delays
 
 
 def _settled(
@@ -202,12 +201,12 @@ def _settled(
         scene = adjust_robustly(scene, _known(scene, moved), freedom, tolerance=1e-5).scene
         before = predicted(scene, moved)
         # Farther than a frame the way is extrapolated
-        step = np.clip(scene.offset, -film.spacing, film.spacing)
+        step = np.clip(scene.delays, -film.spacing, film.spacing)
         offset = offset + step
         scene = replace(scene, offset=np.zeros(len(offset)))
         moved = film.moved(scene, arrays, offset)
-        apart = np.linalg.norm(predicted(scene, moved) - before, axis=1)
-        apart = float(np.nanquantile(apart, _MOST))
+        lengths = np.linalg.norm(predicted(scene, moved) - before, axis=1)
+        apart = float(np.nanquantile(lengths, _MOST))
         if np.abs(step).max() < _SETTLED * film.spacing and apart < way:
             break
     return scene, moved, offset
@@ -215,7 +214,7 @@ def _settled(
 
 def _known(scene: Scene, arrays: ObservationArrays) -> ObservationArrays:
     """Return the observations that the scene predicts, of frames with enough of them."""
-    known = np.isfinite(predicted(scene, arrays)).all(axis=1)
+    known = np.asarray(np.isfinite(predicted(scene, arrays)).all(axis=1))
     counts = np.bincount(arrays.frame, known, len(scene.target_t))
     return arrays.where(known & (counts[arrays.frame] >= 6))
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
 from rigs.calibrate.adjust.culling import adjust_and_cull
+from rigs.calibrate.adjust.lens_choice import LensRules
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
     camera_rows,
@@ -63,9 +65,11 @@ def adjust_through(
     scale: float,
     *,
     intrinsics: Rig | None,
+    distortion: str,
+    rules: LensRules,
     cull: bool,
+    times: Mapping[str, float] | None,
     report: Callable[[str], None],
-    **options: object,
 ) -> Adjusted:
     """Return the joint adjustment through a scene; the unknowns are in the rig's world.
 
@@ -77,7 +81,7 @@ def adjust_through(
     Parameters
     ----------
     through : Through
-    observations, kept, scale, intrinsics, cull, report, options
+    observations, kept, scale, intrinsics, distortion, rules, cull, times, report
         As of `rigs.calibrate.joint_adjustment.adjust_together`.
 
     Raises
@@ -86,24 +90,31 @@ def adjust_through(
         If no camera looks through any glass of the scene or one stands in a solid, or no light of
         the target reaches a camera.
     """
-    names, options = observations.cameras, {**options, "cull": cull, "report": report}
+    names = observations.cameras
+    together = partial(
+        adjust_together,
+        scale=scale,
+        distortion=distortion,
+        rules=rules,
+        cull=cull,
+        times=times,
+        report=report,
+    )
     # A given lens fits nothing behind water until the water is there
     start = None if _has_other_media(through.scene) else intrinsics
-    first = adjust_together(observations, kept, scale, intrinsics=start, **options)
+    first = together(observations, kept, intrinsics=start)
     report("scene")
     rough = _through(through, first, scale, names, cull)
     straight = predicted(replace(rough.scene, refraction=None), rough.arrays)
     bent = predicted(rough.scene, rough.arrays)
-    known = np.isfinite(straight - bent).all(axis=1)
+    known = np.asarray(np.isfinite(straight - bent).all(axis=1))
     for camera, name in enumerate(names):
         own = rough.arrays.camera == camera
         if own.any() and not known[own].any():
             raise ValueError(_unreached(name, "totally reflected"))
     uv = observations.uv.copy()
     uv[rough.rows[known]] += (straight - bent)[known]
-    second = adjust_together(
-        replace(observations, uv=uv), rough.rows[known], scale, intrinsics=intrinsics, **options
-    )
+    second = together(replace(observations, uv=uv), rough.rows[known], intrinsics=intrinsics)
     report("joint adjustment through the scene")
     arrays = replace(second.arrays, uv=observations.uv[second.rows])
     found = _through(
@@ -115,7 +126,8 @@ def adjust_through(
 
 def looked_through(adjusted: Adjusted, cameras: int) -> list[list[str]]:
     """Return the names of the solids that each camera sees the target through."""
-    bending, routes = adjusted.scene.refraction, adjusted.arrays.routes
+    bending, routes = _refraction(adjusted.scene), adjusted.arrays.routes
+    assert routes is not None  # every ray through a scene has one
     found = []
     for camera in range(cameras):
         own = np.unique(routes[(adjusted.arrays.camera == camera) & adjusted.used])
@@ -138,7 +150,7 @@ def _through(
     world, so that both are repeated until nothing moves.
     """
     is_start = refraction is None
-    if is_start:
+    if refraction is None:
         given = through.scene.with_lengths_scaled(1 / scale)
         priors = tuple(
             replace(prior, distance=prior.distance / scale, thickness=prior.thickness / scale)
@@ -146,14 +158,16 @@ def _through(
         )
         refraction = Refraction.of(given, priors)
     root = adjusted.root if through.held is None else through.held
+    free = refraction.deviations > 0
+    is_adjusted = bool(free.any())
     freedom = replace(
         adjusted.freedom,
         pose=np.arange(len(names)) != root,
         time=None,  # the moments of images are as found without the scene
-        windows=refraction.deviations > 0,
+        windows=free,
     )
     # Velocities go with the moments
-    arrays = replace(adjusted.arrays, velocity=None)
+    arrays = replace(adjusted.arrays, velocity=None, routes=None)
     scene = _placed(through, replace(adjusted.scene, offset=None), scale)
     if is_start:
         for name, center in zip(names, scene.centers(), strict=True):
@@ -161,28 +175,32 @@ def _through(
         scene = start_before_media(scene, arrays, refraction, through.held)
         scene = _placed(through, scene, scale)
     scene = replace(scene, refraction=refraction)
-    used, sigma = None, np.nan
+    used, sigma = np.ones(len(arrays), bool), np.nan
+    routes: NDArray[np.int64] | None = None
     settled, rounds = (_ROUGHLY_SETTLED, 3) if is_start else (_SETTLED, _ROUNDS)
     for _ in range(rounds):
-        before, previous = sigma, arrays.routes
-        arrays = _with_routes(scene, arrays, names, roughly=is_start)
+        before, previous = sigma, routes
+        routes = _routes(scene, arrays, names, roughly=is_start)
+        arrays = replace(arrays, routes=routes)
         if is_start:
-            used = np.isfinite(predicted(scene, arrays)).all(axis=1)
+            used = np.asarray(np.isfinite(predicted(scene, arrays)).all(axis=1))
             solution = adjust_robustly(scene, arrays.where(used), freedom, tolerance=1e-3)
-        elif used is None or not np.array_equal(arrays.routes, previous):
+        elif previous is None or not np.array_equal(routes, previous):
             kept = adjust_and_cull(scene, arrays, freedom, cull)
             solution, used = kept.solution, kept.used
         else:
             solution = adjust(scene, arrays.where(used), freedom)
         sigma = float(noise(solution.residuals, np.zeros(int(used.sum()), np.int64), 1)[0])
         scene = _placed(through, solution.scene, scale)
-        scene = replace(scene, refraction=replace(scene.refraction, noise=sigma))
+        scene = replace(scene, refraction=replace(_refraction(scene), noise=sigma))
         moved = np.abs(scene.centers() - solution.scene.centers()).max()
-        weighs = not freedom.windows.any() or abs(sigma - before) <= _NOISE_SETTLED * sigma
-        if moved < settled and weighs:
-            routes = _with_routes(scene, arrays, names, roughly=is_start).routes
-            if np.array_equal(routes, arrays.routes):
-                break
+        weighs = not is_adjusted or abs(sigma - before) <= _NOISE_SETTLED * sigma
+        if (
+            moved < settled
+            and weighs
+            and np.array_equal(routes, _routes(scene, arrays, names, roughly=is_start))
+        ):
+            break
     return replace(adjusted, scene=scene, arrays=arrays, used=used, freedom=freedom, root=root)
 
 
@@ -201,10 +219,16 @@ def _scaled(scene: Unknowns, scale: float) -> Unknowns:
     )
 
 
-def _with_routes(
+def _refraction(scene: Unknowns) -> Refraction:
+    """Return what bends the light, of unknowns that are seen through a scene."""
+    assert scene.refraction is not None
+    return scene.refraction
+
+
+def _routes(
     scene: Unknowns, arrays: ObservationArrays, names: tuple[str, ...], roughly: bool = False
-) -> ObservationArrays:
-    """Return the observations with the faces that each is seen through.
+) -> NDArray[np.int64]:
+    """Return the faces that each observation is seen through, ``(N, R)``.
 
     ``roughly`` takes those to the middle of what a camera saw, where only starts are known.
 
@@ -213,14 +237,15 @@ def _with_routes(
     ValueError
         Naming the camera, if it stands in a solid or no light of the target reaches it.
     """
+    refraction = _refraction(scene)
     centers, points = scene.centers(), world_points(scene, arrays)
     routes, ends = np.full((len(arrays), 1), -1), np.zeros(len(arrays), np.int64)
     for camera, rows in camera_rows(arrays):
-        scene.refraction.check_outside(centers[camera], f"camera {names[camera]}")
-        found, ends[rows] = routes_to(scene.refraction, centers[camera], points[rows])
+        refraction.check_outside(centers[camera], f"camera {names[camera]}")
+        found, ends[rows] = routes_to(refraction, centers[camera], points[rows])
         if roughly:
             middle = np.nanmean(points[rows], axis=0)
-            route = likely_route(scene.refraction, centers[camera], middle)
+            route = likely_route(refraction, centers[camera], middle)
             found = np.tile(route, (len(found), 1))
             ends[rows] = PASSES
         width = max(routes.shape[1], found.shape[1])
@@ -230,7 +255,7 @@ def _with_routes(
         for end, cause in ((REFLECTED, "totally reflected"), (HIDDEN, "stopped by hardware")):
             if (ends[rows] == end).all():
                 raise ValueError(_unreached(names[camera], cause))
-    return replace(arrays, routes=routes)
+    return routes
 
 
 def _unreached(camera: str, cause: str) -> str:
@@ -245,7 +270,7 @@ def _check_scene_is_met(adjusted: Adjusted, names: tuple[str, ...]) -> None:
     """Raise if no camera looks through glass of a scene that has some, or through one adjusted."""
     through = {name for own in looked_through(adjusted, len(names)) for name in own}
     glass = [
-        s.name for s in adjusted.scene.refraction.scene.solids if isinstance(s.material, Glass)
+        s.name for s in _refraction(adjusted.scene).scene.solids if isinstance(s.material, Glass)
     ]
     lost = [name for name in adjusted.scene.windows if name not in through]
     if lost or (glass and not through):

@@ -19,6 +19,7 @@ from rigs.scene.materials import Reflecting
 from rigs.scene.paths import EVERYWHERE, Paths
 from rigs.scene.projection import pixels_that_pass
 from rigs.scene.scene import Scene
+from rigs.scene.solids import vector_of
 from rigs.scene.tracing import OPEN
 
 _LATTICE = 64
@@ -229,22 +230,20 @@ class SceneCamera(OnImage, NearestPinhole):
         """Return the camera and its scene after the rigid motion ``x_new = R @ x_old + t``."""
         R = rotation(R, f"camera {self.name}: motion R")
         t = numbers(t, (3,), f"camera {self.name}: motion t")
-        x, y, z = (R @ np.array(self.middle) + t).tolist()
         return replace(
             self,
             camera=self.camera.transformed(R, t),
             scene=self.scene.transformed(R, t),
-            middle=(x, y, z),
+            middle=vector_of(R @ np.array(self.middle) + t),
         )
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the camera of a world whose lengths are ``factor`` times as large."""
-        x, y, z = self.middle
         return replace(
             self,
             camera=self.camera.with_lengths_scaled(factor),
             scene=self.scene.with_lengths_scaled(factor),
-            middle=(factor * x, factor * y, factor * z),
+            middle=vector_of(factor * np.array(self.middle)),
         )
 
 

@@ -117,11 +117,16 @@ class AnalyticSolid:
         return replace(self, **scaled)
 
 
+def vector_of(array: NDArray[np.float64]) -> Vector:
+    """Return the numbers of an array ``(3,)``, as solids hold them."""
+    x, y, z = array.tolist()
+    return x, y, z
+
+
 def unit_vector(vector: NDArray[np.float64]) -> Vector:
     """Return a direction at length one; one that is so to rounding stays as a file holds it."""
     length = np.linalg.norm(vector)
-    x, y, z = (vector if abs(length - 1) < 1e-15 else vector / length).tolist()
-    return x, y, z
+    return vector_of(vector if abs(length - 1) < 1e-15 else vector / length)
 
 
 @dataclass(frozen=True)

@@ -55,11 +55,12 @@ class Axis:
 
 def tick_values(
     lower: float, upper: float, at_most: int
-) -> tuple[NDArray[np.float64], tuple[str]]:
+) -> tuple[NDArray[np.float64], tuple[str, ...]]:
     """Return round values within ``lower..upper`` and their texts."""
     from matplotlib.ticker import MaxNLocator
 
-    values = MaxNLocator(nbins=max(at_most, 1), steps=[1, 2, 2.5, 5, 10]).tick_values(lower, upper)
+    locator = MaxNLocator(nbins=max(at_most, 1), steps=[1, 2, 2.5, 5, 10])
+    values = np.asarray(locator.tick_values(lower, upper), np.float64)
     slack = 1e-9 * (upper - lower)
     values = values[(values >= lower - slack) & (values <= upper + slack)]
     values = np.where(np.abs(values) < 1e-9 * max(abs(lower), abs(upper)), 0.0, values)
@@ -101,7 +102,8 @@ def axes_around(
     for along, edge, outward in made:
         pixels = viewpoint.project(edge)
         count = int(np.linalg.norm(pixels[1] - pixels[0]) // spacing)
-        values, texts = tick_values(*edge[:, along], at_most=min(count, 6))
+        lower, upper = edge[:, along]
+        values, texts = tick_values(lower, upper, at_most=min(count, 6))
         positions = np.repeat(edge[:1], len(values), axis=0)
         positions[:, along] = values
         axes.append(Axis(f"{NAMES[along]} ({length_unit})", edge, positions, texts, outward))

@@ -11,6 +11,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.text import Text
 
 _TURNS = (0.0, 25.0, -25.0, 50.0, -50.0, 80.0, -80.0, 120.0, -120.0, 180.0)  # degrees
 _REACHES = (1.0, 2.5, 4.5, 7.0, 10.0)  # in gaps
@@ -40,7 +41,6 @@ class LabelPlacer:
         leader: bool = True,
         turns: tuple[float, ...] = _TURNS,
         reaches: tuple[float, ...] = _REACHES,
-        **style: object,
     ) -> bool:
         """Write ``text`` near pixel ``anchor``, moved ``outward``; return whether it fits."""
         from matplotlib.patheffects import withStroke
@@ -59,7 +59,6 @@ class LabelPlacer:
             va="center",
             zorder=6,
             parse_math=False,
-            **style,
         )
         width, height = self._measure(written)
         tries = sorted(
@@ -89,11 +88,12 @@ class LabelPlacer:
         written.remove()
         return False
 
-    def _measure(self, written: object) -> tuple[float, float]:
+    def _measure(self, written: Text) -> tuple[float, float]:
         """Return width and height of a text in data coordinates."""
         extent = written.get_window_extent()
         corners = self.axes.transData.inverted().transform(extent.corners())
-        return tuple(np.ptp(corners, axis=0))
+        width, height = np.ptp(corners, axis=0).tolist()
+        return width, height
 
     def _is_free(self, box: tuple[float, float, float, float]) -> bool:
         """Return whether ``box`` is inside the picture and touches no text."""

@@ -23,11 +23,14 @@ class _Caster:
     def __init__(self, scene: Scene, viewpoint: Viewpoint) -> None:
         import open3d as o3d
 
-        self._tensor = o3d.core.Tensor
+        self._tensor = o3d.core.Tensor.from_numpy
         self._scene = o3d.t.geometry.RaycastingScene()
         light = _LIGHT @ viewpoint.axes
         self._light = light / np.linalg.norm(light)
-        self._triangles, self._normals, self._looks, self._colours = [], [], [], []
+        self._triangles: list[NDArray[np.integer]] = []
+        self._normals: list[NDArray[np.float64]] = []
+        self._colours: list[NDArray[np.float64] | None] = []
+        looks = []
         # float32 is coarse far from zero: coordinates are relative to the eye
         for mesh in scene.meshes:
             if not len(mesh.triangles):
@@ -38,9 +41,9 @@ class _Caster:
             )
             self._triangles.append(mesh.triangles)
             self._normals.append(mesh.normals())
-            self._looks.append((*mesh.colour, mesh.opacity))
-            self._colours.append(None if mesh.scale is None else mesh.scale(mesh.values))
-        self._looks = np.array(self._looks).reshape(-1, 4)
+            self._colours.append(mesh.vertex_colours)
+            looks.append((*mesh.colour, mesh.opacity))
+        self._looks = np.array(looks).reshape(-1, 4)
 
     def colours(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return colour times opacity, and opacity, along rays from the eye: ``(N, 4)``."""
@@ -83,8 +86,9 @@ class _Caster:
             u, v = uv[mine, 0], uv[mine, 1]
             fraction = np.stack([1 - u - v, u, v], axis=1)[..., None]  # (N, 3 corners, 1)
             normals[mine] = (self._normals[g][corners] * fraction).sum(axis=1)
-            if self._colours[g] is not None:
-                colours[mine] = (self._colours[g][corners] * fraction).sum(axis=1)
+            own = self._colours[g]
+            if own is not None:
+                colours[mine] = (own[corners] * fraction).sum(axis=1)
                 unlit[mine] = True
         normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)
         light = np.where(unlit, 1.0, _AMBIENT + _DIFFUSE * np.abs(normals @ self._light))

@@ -13,7 +13,13 @@ Colour = tuple[float, float, float]
 
 def rgb(colour: str) -> Colour:
     """Return ``"#rrggbb"`` as three numbers in 0..1."""
-    return tuple(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return as_colour(int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+
+
+def as_colour(numbers: Iterable[float]) -> Colour:
+    """Return three numbers in 0..1 as a colour."""
+    red, green, blue = numbers
+    return red, green, blue
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,11 @@ class Mesh:
         """Return name, group and size; the arrays are too long to print."""
         return f"<Mesh {self.name!r} of {self.group!r}: {len(self.triangles)} triangles>"
 
+    @property
+    def vertex_colours(self) -> NDArray[np.float64] | None:
+        """Colours of the vertices ``(V, 3)`` by their values; None where the mesh has one."""
+        return None if self.scale is None or self.values is None else self.scale(self.values)
+
     def normals(self) -> NDArray[np.float64]:
         """Return unit vertex normals ``(V, 3)``: the area-weighted means of the faces around.
 
@@ -108,10 +119,12 @@ class Mesh:
 
     def merged(self, other: Mesh) -> Mesh:
         """Return both meshes as one, with this one's name and looks."""
-        valued = self.values is not None and other.values is not None
+        values = None
+        if self.values is not None and other.values is not None:
+            values = np.concatenate([self.values, other.values])
         return replace(
             self,
-            values=np.concatenate([self.values, other.values]) if valued else None,
+            values=values,
             vertices=np.concatenate([self.vertices, other.vertices]),
             triangles=np.concatenate([self.triangles, other.triangles + len(self.vertices)]),
         )
@@ -155,7 +168,8 @@ class Scene:
     @property
     def groups(self) -> tuple[str, ...]:
         """Names of the groups, in order of appearance."""
-        return tuple(dict.fromkeys(part.group for part in (*self.meshes, *self.labels)))
+        parts: list[Mesh | Label] = [*self.meshes, *self.labels]
+        return tuple(dict.fromkeys(part.group for part in parts))
 
     @property
     def bounds(self) -> NDArray[np.float64]:

@@ -24,7 +24,11 @@ def _across(directions: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
 
 
 def tubes(
-    starts: ArrayLike, ends: ArrayLike, radius: ArrayLike, end_radius: ArrayLike = None, sides=6
+    starts: ArrayLike,
+    ends: ArrayLike,
+    radius: ArrayLike,
+    end_radius: ArrayLike | None = None,
+    sides: int = 6,
 ) -> Triangles:
     """Return straight tubes from ``starts`` ``(N, 3)`` to ``ends`` ``(N, 3)``, ends closed.
 
@@ -37,12 +41,12 @@ def tubes(
     sides : int
         Number of flat sides.
     """
-    starts, ends = (np.atleast_2d(np.asarray(p, np.float64)) for p in (starts, ends))
-    along = ends - starts
+    first_ends, last_ends = (np.atleast_2d(np.asarray(p, np.float64)) for p in (starts, ends))
+    along = last_ends - first_ends
     lengths = np.linalg.norm(along, axis=1)
     keep = lengths > 0
-    starts, ends, along = starts[keep], ends[keep], along[keep] / lengths[keep, None]
-    n = len(starts)
+    bottoms, tops, along = first_ends[keep], last_ends[keep], along[keep] / lengths[keep, None]
+    n = len(bottoms)
     end_radius = radius if end_radius is None else end_radius
     radii = [
         np.broadcast_to(np.asarray(r, np.float64), len(keep))[keep] for r in (radius, end_radius)
@@ -51,10 +55,10 @@ def tubes(
     angles = 2 * np.pi * np.arange(sides) / sides
     circle = first[:, None] * np.cos(angles)[:, None] + second[:, None] * np.sin(angles)[:, None]
     rings = [
-        p[:, None] + circle * r[:, None, None] for p, r in zip((starts, ends), radii, strict=True)
+        p[:, None] + circle * r[:, None, None] for p, r in zip((bottoms, tops), radii, strict=True)
     ]
     vertices = np.concatenate(
-        [*rings, starts[:, None], ends[:, None]], axis=1
+        [*rings, bottoms[:, None], tops[:, None]], axis=1
     )  # (N, 2 sides + 2, 3)
     here = np.arange(sides)
     after = (here + 1) % sides
@@ -99,10 +103,11 @@ def box_wires(grid: VoxelGrid, radius: float) -> Triangles:
 
 def fan(middle: ArrayLike, border: ArrayLike) -> Triangles:
     """Return the triangles between ``middle`` ``(3,)`` and a closed ``border`` ``(N, 3)``."""
-    n = len(border)
+    corners = np.asarray(border, np.float64)
+    n = len(corners)
     here = np.arange(n)
     triangles = np.stack([np.zeros(n, np.int64), 1 + here, 1 + (here + 1) % n], axis=1)
-    return np.vstack([middle, border]), triangles
+    return np.vstack([np.asarray(middle, np.float64), corners]), triangles
 
 
 def join(parts: list[Triangles]) -> Triangles:

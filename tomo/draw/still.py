@@ -62,7 +62,7 @@ def write_names(placer: LabelPlacer, scene: Scene, viewpoint: Viewpoint, size: f
     labels = sorted(scene.labels, key=lambda label: np.linalg.norm(label.position - viewpoint.eye))
     for label in labels:
         pixel = viewpoint.pixel_at(label.position)
-        outward = label.outward / max(np.linalg.norm(label.outward), 1e-300)
+        outward = label.outward / max(float(np.linalg.norm(label.outward)), 1e-300)
         ends = viewpoint.project(np.stack([label.position, label.position + outward * pixel]))
         placer.place(
             label.text, ends[0], ends[1] - ends[0], gap=4, fontsize=size, colour=label.colour

@@ -37,8 +37,8 @@ def _trace(alike: list[Mesh], group: str, visible: bool, first: bool) -> go.Mesh
 
     together = reduce(Mesh.merged, alike)
     names = [html.escape(mesh.name) for mesh in alike for _ in range(len(mesh.vertices))]
-    x, y, z = np.float32(together.vertices).T
-    i, j, k = np.int32(together.triangles).T
+    x, y, z = together.vertices.astype(np.float32).T
+    i, j, k = together.triangles.astype(np.int32).T
     shared = {
         "x": x, "y": y, "z": z, "i": i, "j": j, "k": k,
         "opacity": together.opacity,
@@ -46,8 +46,8 @@ def _trace(alike: list[Mesh], group: str, visible: bool, first: bool) -> go.Mesh
         "visible": visible,
         "text": names if len(alike) > 1 else names[0],
     }  # fmt: skip
-    scale = together.scale
-    if scale is None:
+    scale, values = together.scale, together.values
+    if scale is None or values is None:
         return go.Mesh3d(
             color=css(together.colour),
             hovertemplate="%{text}<extra></extra>",
@@ -55,7 +55,7 @@ def _trace(alike: list[Mesh], group: str, visible: bool, first: bool) -> go.Mesh
             **shared,
         )
     return go.Mesh3d(
-        intensity=np.float32(together.values),
+        intensity=values.astype(np.float32),
         cmin=scale.lower,
         cmax=scale.upper,
         colorscale=steps(scale),

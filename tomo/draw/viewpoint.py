@@ -80,7 +80,7 @@ class Viewpoint:
         depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
         return self.focal * seen[:, :2] / depth + self.principal
 
-    def directions(self, uv: NDArray[np.float64]) -> NDArray[np.float64]:
+    def directions(self, uv: NDArray) -> NDArray[np.float64]:
         """Return unit world directions ``(N, 3)`` through the pixels ``uv`` ``(N, 2)``."""
         plane = (uv - self.principal) / self.focal
         directions = plane @ self.axes[:2] + self.axes[2]

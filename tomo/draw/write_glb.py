@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.draw.scene import Mesh, Scene
+
+if TYPE_CHECKING:
+    import trimesh
+    from trimesh.visual import ColorVisuals, TextureVisuals
 
 _METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 
@@ -62,15 +67,15 @@ def write_glb(
         temporary.write_bytes(data)
 
 
-def _looks(mesh: Mesh) -> object:
+def _looks(mesh: Mesh) -> ColorVisuals | TextureVisuals:
     """Return the mesh's colours as trimesh holds them: one material, or one colour a vertex."""
     import trimesh
     from trimesh.visual.material import PBRMaterial
 
-    if mesh.scale is not None:
-        colours = _linear(mesh.scale(mesh.values))
+    if mesh.vertex_colours is not None:
+        colours = _linear(mesh.vertex_colours)
         alpha = np.full((len(colours), 1), mesh.opacity)
-        levels = np.uint8(np.round(255 * np.hstack([colours, alpha])))
+        levels = np.round(255 * np.hstack([colours, alpha])).astype(np.uint8)
         return trimesh.visual.ColorVisuals(vertex_colors=levels)
     material = PBRMaterial(
         name=mesh.group,
@@ -91,7 +96,7 @@ def _linear(values: NDArray) -> NDArray[np.float64]:
     return np.where(values <= 0.04045, values / 12.92, ((values + 0.055) / 1.055) ** 2.4)
 
 
-def _unused(name: str, scene: object) -> str:
+def _unused(name: str, scene: trimesh.Scene) -> str:
     """Return ``name``, numbered if it is taken."""
     number, candidate = 2, name
     while candidate in scene.geometry:

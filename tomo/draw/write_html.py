@@ -16,7 +16,7 @@ from rigs.files import atomic_path
 from tomo.draw.frame import EYE, Up
 from tomo.draw.page import render, script_safe
 from tomo.draw.rig.camera_view import CameraView
-from tomo.draw.scene import Scene
+from tomo.draw.scene import Label, Mesh, Scene
 from tomo.draw.traces import RAY_COLOUR, RAYS, css, group_traces, no_rays, steps
 from tomo.draw.volume.maps import MAP, emission_map
 from tomo.grid import VoxelGrid
@@ -125,7 +125,8 @@ def html_page(
     if volume is not None and grid is not None:
         scene = scene + emission_map(volume, grid, scene.length_unit, value_unit)
     bounds = scene.bounds
-    traces, layers = [], []
+    traces: list[go.Mesh3d | go.Scatter3d] = []
+    layers = []
     for group in scene.groups:
         visible = group in shown or not (group in HIDDEN_AT_FIRST or group.startswith(MAP))
         made = group_traces(scene, group, visible)
@@ -205,10 +206,11 @@ def _layout(unit: str, bounds: NDArray, up: Up) -> dict:
 
 def _layer(scene: Scene, group: str, visible: bool, traces: list[int]) -> dict:
     """Return the page's data of a group."""
-    parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
+    parts: list[Mesh | Label] = [*scene.meshes, *scene.labels]
     scale = next((mesh.scale for mesh in scene.meshes if mesh.group == group), None)
     if scale is None:
-        colours = list(dict.fromkeys(css(part.colour) for part in parts))
+        own = (css(part.colour) for part in parts if part.group == group)
+        colours = list(dict.fromkeys(own))
     else:
         colours = [colour for _, colour in steps(scale)]
     return {

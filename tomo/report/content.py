@@ -76,8 +76,8 @@ class Results:
     rig: Rig
     grid: VoxelGrid
     volume: NDArray
-    views: Sequence[View | Mapping] = ()
-    history: Sequence[Convergence | Mapping] = ()
+    views: Sequence[View] = ()
+    history: Sequence[Convergence] = ()
     truth: NDArray | None = None
     comparisons: Sequence[tuple[str, NDArray]] = ()
     method: str = "reconstruction"
@@ -85,6 +85,24 @@ class Results:
     deviation: NDArray | None = None
     value_unit: str = ""
     half_width: NDArray | None = None
+
+    if TYPE_CHECKING:  # views and histories may be given as mappings
+
+        def __init__(
+            self,
+            rig: Rig,
+            grid: VoxelGrid,
+            volume: NDArray,
+            views: Sequence[View | Mapping] = (),
+            history: Sequence[Convergence | Mapping] = (),
+            truth: NDArray | None = None,
+            comparisons: Sequence[tuple[str, NDArray]] = (),
+            method: str = "reconstruction",
+            learned: LearnedWeights | None = None,
+            deviation: NDArray | None = None,
+            value_unit: str = "",
+            half_width: NDArray | None = None,
+        ) -> None: ...
 
     def __post_init__(self) -> None:
         """Take mappings for views and histories too, and check shapes."""

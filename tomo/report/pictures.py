@@ -52,8 +52,8 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
     pictures = []
     for wanted, name, make, caption, alt in _recipes(results):
         if wanted:
-            collect = warnings is not None
-            with as_warning(f"picture {name}: not drawn", warnings) if collect else nullcontext():
+            step = f"picture {name}: not drawn"
+            with nullcontext() if warnings is None else as_warning(step, warnings):
                 pictures.append(Picture(name, png_bytes(make()), caption, alt))
     return tuple(pictures)
 

@@ -233,7 +233,6 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
         "turns are along and about each camera's own axes right, down and forward; trusted to: "
         "how far the rig file may be off, moved: how far the image moved, both in pixels."
     )
-    titles = ("Camera", "trusted to (px)", "moved (px)", f"position ({length_unit})")
     rows = [
         (
             name,
@@ -246,5 +245,13 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
         )
         for name, own in found["cameras"].items()
     ]
-    titles += ("turn (degrees)", "focal length", "gain")
+    titles = (
+        "Camera",
+        "trusted to (px)",
+        "moved (px)",
+        f"position ({length_unit})",
+        "turn (degrees)",
+        "focal length",
+        "gain",
+    )
     return {"words": words, "titles": titles, "rows": rows}

@@ -16,6 +16,7 @@ from tomo.pipeline.answer import worst_view
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
     from tomo.pipeline.view import View
     from tomo.report.content import Convergence, Results
@@ -55,7 +56,7 @@ def draw_views(views: Sequence[View]) -> Figure:
     spread = [np.abs(r[np.isfinite(r)]) for _, _, r in scaled]
     limit = max((float(np.quantile(s, 0.995)) for s in spread if s.size), default=0.0) or 1.0
     block = 3 * (image_width + 0.04) + pad
-    images = (None, None)
+    images: tuple[AxesImage, ...] = ()
     for number, (view, parts) in enumerate(zip(shown, scaled, strict=True)):
         row, column = divmod(number, across)
         x0 = pad / 2 + column * block
@@ -88,13 +89,13 @@ def draw_views(views: Sequence[View]) -> Figure:
             color="#c2500f" if role else INK,
             parse_math=False,
         )
-    words = ("image, % of the view's maximum", "difference, % of the view's maximum")
+    quantities = ("image, % of the view's maximum", "difference, % of the view's maximum")
     for k, image in enumerate(images):
         rect = ((pad / 2 + k * 3.4) / width, 0.36 / height, 2.6 / width, 0.09 / height)
         bar = figure.add_axes(rect)
         figure.colorbar(image, cax=bar, orientation="horizontal")
         bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
-        bar.set_xlabel(words[k], fontsize=7, color=INK, labelpad=2)
+        bar.set_xlabel(quantities[k], fontsize=7, color=INK, labelpad=2)
     return figure
 
 
@@ -195,7 +196,7 @@ def draw_difference(results: Results) -> Figure:
     if truth is not None:
         errors = [np.abs(volume - truth) for _, volume in volumes]
         limit = max(float(np.quantile(e, 0.9995)) for e in errors) or 1.0
-    images: dict[int, object] = {}
+    images: dict[int, AxesImage] = {}
     for number, (label, volume) in enumerate(columns):
         x0 = left + number * pitch
         heading = _short(label)

@@ -161,7 +161,8 @@ def _by_views(voxels: Mapping) -> list[tuple[str, str, str]]:
         if any(counts):
             last = min(last, most)
             name = str(first) if first == last else f"{first} to {last}"
-            rows.append((name, *_shares(counts, totals)))
+            may_emit, emit = _shares(counts, totals)
+            rows.append((name, may_emit, emit))
     return rows
 
 

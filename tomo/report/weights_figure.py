@@ -65,10 +65,12 @@ def draw_learned(learned: LearnedWeights, length_unit: str) -> Figure:
 
 
 def _draw_line(axes: Axes, profile: Profile, colour: str, label: str | None = None) -> None:
-    style = {"color": colour, "linewidth": 1.5}
-    axes.plot(profile.centre, profile.weight, marker="o", markersize=2.6, label=label, **style)
+    axes.plot(
+        profile.centre, profile.weight, marker="o", markersize=2.6, label=label, color=colour,
+        linewidth=1.5,
+    )  # fmt: skip
     if profile.truth is not None:
-        axes.plot(profile.centre, profile.truth, linestyle="--", **style | {"linewidth": 1.1})
+        axes.plot(profile.centre, profile.truth, linestyle="--", color=colour, linewidth=1.1)
 
 
 def _draw_light(axes: Axes, profile: Profile) -> None:
@@ -98,8 +100,8 @@ def _set_common_scale(panels: list[Axes], learned: LearnedWeights) -> None:
     shown = [learned.by_camera, *(profile.weight for profile in learned.profiles)]
     if learned.true_by_camera is not None:
         shown += [learned.true_by_camera, *(profile.truth for profile in learned.profiles)]
-    shown = np.concatenate(shown)
-    low, high = min(np.nanmin(shown), 0.95), max(np.nanmax(shown), 1.05)
+    weights = np.concatenate(shown)
+    low, high = min(np.nanmin(weights), 0.95), max(np.nanmax(weights), 1.05)
     room = 0.06 * (high - low)
     for axes in panels:
         axes.set_ylim(low - room, high + room)

@@ -22,7 +22,8 @@ _HEADING = 22  # pixels above a picture
 
 def painted(values: NDArray, scale: ColourScale) -> NDArray[np.uint8]:
     """Return red, green, blue ``(..., 3)`` of values, by a table of 256 colours."""
-    table = np.uint8(np.round(255 * scale(np.linspace(scale.lower, scale.upper, 256))))
+    colours = scale(np.linspace(scale.lower, scale.upper, 256))
+    table = np.round(255 * colours).astype(np.uint8)
     span = scale.upper - scale.lower
     ratio = (np.nan_to_num(values) - scale.lower) * (255 / span)
     return table[np.clip(np.round(ratio), 0, 255).astype(np.uint8)]

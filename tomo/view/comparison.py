@@ -90,12 +90,11 @@ class Comparison:
         """Return the images in colours, in a row: measured, re-projected, difference."""
         scale = ColourScale("", 0.0, self.brightest, colours)
         pictures, headings = [painted(self.measured, scale)], ["measured"]
-        if self.view is not None:
+        if self.view is not None and self.difference is not None:
             most = self.largest_difference
-            difference = ColourScale("", -most, most, "RdBu_r")
             pictures += [
                 painted(self.view.reprojected, scale),
-                painted(self.difference, difference),
+                painted(self.difference, ColourScale("", -most, most, "RdBu_r")),
             ]
             headings += ["re-projected", "difference"]
         return beside_each_other(pictures, headings)
@@ -103,6 +102,8 @@ class Comparison:
     @property
     def largest_difference(self) -> float:
         """The end of the colours of the difference: 99.9 % of the pixels are within."""
+        if self.difference is None:
+            return 1e-30
         return float(np.quantile(np.abs(self.difference), 0.999)) or 1e-30
 
     def words(self) -> str:

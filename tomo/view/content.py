@@ -94,6 +94,7 @@ class Content:
         """What the cameras look at, and how large it is."""
         if self.rig is not None:
             return Target.of(self.rig, self.box)
+        assert self.grid is not None  # without a rig there are volumes, which have one
         return Target(np.array(self.grid.center), float(np.linalg.norm(self.grid.extent) / 2))
 
     @property

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tomo.draw.scene import ColourScale
+from tomo.grid import VoxelGrid
 from tomo.view.colours import COLOURS
 from tomo.view.content import Content
 from tomo.view.volume_layer import AXES, NO_PICTURE, PICTURES
@@ -83,11 +84,11 @@ def add_controls(
         made.look_at = gui.add_button_group("look at", LOOKS)
     if content.scan is not None:
         with gui.add_folder("Camera"):
-            names = ("none", *content.rig.names)
+            names = ("none", *content.scan.rig.names)
             hint = "a click on a camera chooses it, too"
             made.camera = gui.add_dropdown("compare", names, initial_value="none", hint=hint)
-    if content.frames is not None:
-        _volume_controls(gui, content, made)
+    if content.frames is not None and content.grid is not None:
+        _volume_controls(gui, content.grid, content.length_unit, made)
     if layers:
         with gui.add_folder("Shown"):
             for layer in layers:
@@ -97,8 +98,7 @@ def add_controls(
     return made
 
 
-def _volume_controls(gui: viser.GuiApi, content: Content, made: Controls) -> None:
-    grid = content.grid
+def _volume_controls(gui: viser.GuiApi, grid: VoxelGrid, length_unit: str, made: Controls) -> None:
     with gui.add_folder("Volume"):
         made.with_surface = gui.add_checkbox("surfaces", True)
         hint = "percent of the peak"
@@ -112,7 +112,7 @@ def _volume_controls(gui: viser.GuiApi, content: Content, made: Controls) -> Non
                 (
                     gui.add_checkbox(f"plane {letter}", False),
                     gui.add_slider(
-                        f"{letter} ({content.length_unit})",
+                        f"{letter} ({length_unit})",
                         lower,
                         upper,
                         (upper - lower) / _PLANE_STEPS,

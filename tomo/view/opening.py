@@ -17,6 +17,7 @@ from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan, load_scan
 from tomo.series.store import FORMAT, SeriesStore
+from tomo.series.table import SeriesTable
 from tomo.view.comparison import Model
 from tomo.view.content import Content
 from tomo.view.frames import Frames
@@ -53,14 +54,15 @@ def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
         rig = scan.rig
         _check_lengths(scan, length_unit, folder)
     views = report.get("views") or {}
-    moment = _moment(scan, about.get("frame"))
+    name = about.get("frame")
+    moments = () if scan is None else (scan.frame(name).name,)
     return Content(
         folder.name,
         rig,
         grid,
-        Frames((moment or "volume",), lambda place: data),
+        Frames(moments or (name or "volume",), lambda place: data),
         scan,
-        (moment,) if scan else (),
+        moments,
         value_unit,
         length_unit,
         Model.of(report.get("basis"), report.get("gains")),
@@ -95,17 +97,15 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
         scan = _as_reconstructed(scan, corrected, settings | (settings.get("corrections") or {}))
         rig = scan.rig
         _check_lengths(scan, about["length_unit"], path)
-        moments = tuple(_moment(scan, names[place] if names else None) for place in places)
+        moments = tuple(
+            scan.frame(names[place] if names else None).name for place in places.tolist()
+        )
     if left := store.n_frames - len(places):
         notes.append(f"{left} of {store.n_frames} frames are not complete and not shown")
     plan = about.get("plan") or {}
-    times, unit = store.group["time"][:], about["time_unit"]
-    numbers = store.group["frame"][:]
-    shown = tuple(
-        f"frame {numbers[place]}" + (f", {times[place]:.6g} s" if unit == "s" else "")
-        for place in places
-    )
-    residuals = store.group["view_residual"][:]
+    table = SeriesTable.of(store)
+    shown = tuple(table.label(place) for place in places.tolist())
+    residuals = table.columns["view_residual"]
     columns = {name: column for column, name in enumerate(about["cameras"])}
 
     def residual(camera: str, place: int) -> float | None:
@@ -201,11 +201,6 @@ def _as_reconstructed(scan: Scan, rig: Rig | None, about: Mapping[str, Any]) -> 
         scan = scan.of_channel(channel, bayer if isinstance(bayer, str) else None)
     scale = about.get("scale")
     return scan.scaled(scale) if isinstance(scale, int) and scan.shrink == 1 else scan
-
-
-def _moment(scan: Scan | None, name: str | None) -> str | None:
-    """Return the name of a frame that the scan must have."""
-    return name if scan is None else scan.frame(name).name
 
 
 def _check_lengths(scan: Scan, unit: str, where: Path) -> None:

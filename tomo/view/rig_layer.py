@@ -10,9 +10,15 @@ from numpy.typing import NDArray
 
 from rigs import CameraLike
 from rigs.scene.scene_camera import own_camera
-from tomo.draw.rig import frustum, rig_scene
-from tomo.draw.rig.rig_scene import colour_of, symbol_length, symbol_widening, volume_scene
-from tomo.draw.scene import Colour, Mesh
+from tomo.draw.rig.rig_scene import (
+    colour_of,
+    frustum,
+    rig_scene,
+    symbol_length,
+    symbol_widening,
+    volume_scene,
+)
+from tomo.draw.scene import Colour, Mesh, as_colour
 from tomo.view.content import Content
 from tomo.view.world import World
 
@@ -25,7 +31,7 @@ SHOWN = {"sight lines": False, "box": True, "solids": True}
 _LOOKS: dict[str, Callable[[Colour], Colour]] = {
     "sight lines": lambda colour: colour,
     "box": lambda colour: (0.75, 0.78, 0.82),
-    "solids": lambda colour: tuple(0.35 + 0.65 * c for c in colour),
+    "solids": lambda colour: as_colour(0.35 + 0.65 * c for c in colour),
 }
 """Colours on the page's dark ground, of those that pictures on white have."""
 
@@ -51,7 +57,9 @@ class RigLayer:
         chosen: Callable[[str], None],
     ) -> None:
         self._server, self._world, self._content = server, world, content
-        self._layers = {"cameras": [], "names": [], **{name: [] for name in SHOWN}}
+        self._layers: dict[str, list[viser.SceneNodeHandle]] = {
+            name: [] for name in ("cameras", "names", *SHOWN)
+        }
         self._frusta: dict[str, viser.CameraFrustumHandle] = {}
         if content.rig is not None:
             self._add_scene()
@@ -156,4 +164,5 @@ def quaternion(R: NDArray) -> tuple[float, float, float, float]:
     """Return a rotation matrix as ``(w, x, y, z)``."""
     from scipy.spatial.transform import Rotation
 
-    return tuple(float(c) for c in Rotation.from_matrix(R).as_quat(scalar_first=True))
+    w, x, y, z = Rotation.from_matrix(R).as_quat(scalar_first=True).tolist()
+    return w, x, y, z

@@ -8,6 +8,7 @@ import logging
 import math
 import socket
 from collections.abc import Iterator
+from types import ModuleType
 from typing import TYPE_CHECKING
 
 from numpy.typing import NDArray
@@ -86,7 +87,7 @@ def silent() -> contextlib.AbstractContextManager:
 
 
 @contextlib.contextmanager
-def _quiet(viser: object) -> Iterator[None]:
+def _quiet(viser: ModuleType) -> Iterator[None]:
     """Start a server without its banner, and without a build of its page from sources.
 
     viser builds its page anew, with packages from the network, where the times of its files
@@ -94,13 +95,13 @@ def _quiet(viser: object) -> Iterator[None]:
     """
     builder = getattr(viser._viser, "_client_autobuild", None)
     build = getattr(builder, "ensure_client_is_built", None)
-    if build is not None:
+    if builder is not None and build is not None:
         builder.ensure_client_is_built = lambda: None
     try:
         with silent():
             yield
     finally:
-        if build is not None:
+        if builder is not None and build is not None:
             builder.ensure_client_is_built = build
 
 

@@ -81,8 +81,8 @@ class Viewer:
         self._pictured: set[int] = set()
         self._ends = threading.Event()
         self._rig = RigLayer(self.server, self._world, content, self.choose)
-        self._volume = None
-        if content.frames is not None:
+        self._volume: VolumeLayer | None = None
+        if content.frames is not None and content.grid is not None:
             self._volume = VolumeLayer(self.server, self._world, content.grid)
         self.controls = add_controls(self.server.gui, content, self._rig.names, SHOWN_FIRST)
         self._connect(self.controls)
@@ -173,14 +173,22 @@ class Viewer:
         self._rig.show(layer, self.controls.layers[layer].value)
 
     @property
+    def _drawn(self) -> VolumeLayer:
+        """What draws the volume; only contents with one ask for it."""
+        assert self._volume is not None
+        return self._volume
+
+    @property
     def _data(self) -> NDArray[np.float32]:
+        """The volume that is shown; only contents with one ask for it."""
+        assert self.content.frames is not None
         return self.content.frames.volume(self.place)
 
     def _words(self) -> None:
         content, lines = self.content, []
         if content.n_frames > 1:
             lines.append(f"**{content.names[self.place]}**")
-        if content.frames is not None:
+        if content.frames is not None and content.grid is not None:
             unit = f" {content.value_unit}" if content.value_unit else ""
             shape = " x ".join(str(n) for n in content.grid.shape)
             lines.append(f"{shape} voxels; 100 % is {self._peak:.4g}{unit}")
@@ -197,20 +205,20 @@ class Viewer:
         with self.server.atomic():
             for name in ("outer", "inner"):
                 if name not in levels or not controls.with_surface.value:
-                    self._volume.hide_surface(name)
+                    self._drawn.hide_surface(name)
                     continue
                 percent, opacity = levels[name]
                 level = percent / 100 * self._peak
-                self._volume.show_surface(name, volume, level, scale, opacity)
+                self._drawn.show_surface(name, volume, level, scale, opacity)
 
     def _plane(self, axis: int) -> None:
         is_shown, at = self.controls.planes[axis]
         if at.visible != is_shown.value:
             at.visible = is_shown.value
         if is_shown.value:
-            self._volume.show_plane(self._data, axis, at.value, self.controls.scale(self._peak))
+            self._drawn.show_plane(self._data, axis, at.value, self.controls.scale(self._peak))
         else:
-            self._volume.hide_plane(axis)
+            self._drawn.hide_plane(axis)
 
     def _images(self) -> None:
         self._rig.show_images(photographs(self.content.images(self.place), _IN_SYMBOL))
@@ -228,7 +236,7 @@ class Viewer:
         """Draw less while a page's eye moves."""
         self._moved[client.client_id] = time.monotonic()
         if self.controls.coarse.value:
-            self.worker.ask("turn", partial(self._volume.turn, True))
+            self.worker.ask("turn", partial(self._drawn.turn, True))
         self._look(client, COARSE)
 
     def _watch(self) -> None:
@@ -256,13 +264,13 @@ class Viewer:
             self._pictured.discard(client.client_id)
             return
         scale = self.controls.scale(self._peak)
-        picture = self._volume.picture_for(client.camera, self._data, how, scale, rows)
+        picture = self._drawn.picture_for(client.camera, self._data, how, scale, rows)
         client.scene.set_background_image(picture, format="jpeg", jpeg_quality=90)
         self._pictured.add(client.client_id)
 
     def _compare(self) -> None:
         content, camera = self.content, self.controls.camera.value
-        if camera not in content.rig.names:
+        if content.scan is None or camera not in content.scan.rig.names:
             self.comparison = None
             self._panel.hide()
             return

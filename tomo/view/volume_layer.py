@@ -177,7 +177,8 @@ def surface_colour(level: float, scale: ColourScale) -> tuple[int, int, int]:
     span = scale.upper - scale.lower
     ratio = float(np.clip((level - scale.lower) / span, 0, 1))
     shown = scale.lower + span * (LEAST_BRIGHT + (1 - LEAST_BRIGHT) * ratio)
-    return tuple(int(c) for c in painted(np.array(shown), scale))
+    red, green, blue = painted(np.array(shown), scale).tolist()
+    return red, green, blue
 
 
 def viewpoint_of(camera: viser.CameraHandle, world: World, rows: int) -> Viewpoint:

@@ -48,21 +48,22 @@ def adjust_and_cull(
     anew after each adjustment, until none changes. Without ``cull`` every observation is kept
     that lies before its camera.
     """
-    used = _supported(observations, np.isfinite(predicted(scene, observations)).all(axis=1))
+    ahead = np.asarray(np.isfinite(predicted(scene, observations)).all(axis=1))
+    used = _supported(observations, ahead)
     scene = adjust_robustly(scene, observations.where(used), freedom, tolerance=1e-4).scene
     if not cull:
         return Culled(adjust(scene, observations.where(used), freedom), used)
-    before = None
-    for _ in range(_ITERATIONS):
-        kept = _agreeing(scene, observations, used)
-        if before is not None and (kept == before).all():
+    kept = _agreeing(scene, observations, used)
+    solution = adjust(scene, observations.where(kept), freedom)
+    for _ in range(_ITERATIONS - 1):
+        scene = solution.scene
+        before, kept = kept, _agreeing(scene, observations, used)
+        if (kept == before).all():
             break
-        robust = before is None or (before & ~kept).any()
-        if before is not None and robust:
+        if (before & ~kept).any():
             scene = adjust_robustly(scene, observations.where(kept), freedom, tolerance=1e-4).scene
         solution = adjust(scene, observations.where(kept), freedom)
-        scene, before = solution.scene, kept
-    return Culled(_with_frames_left_out(solution, observations, before), before)
+    return Culled(_with_frames_left_out(solution, observations, kept), kept)
 
 
 def _with_frames_left_out(

@@ -36,8 +36,9 @@ def frame_times(frames: Sequence[str]) -> dict[str, float] | None:
     >>> frame_times(["shot_08", "shot_09", "shot_10"])
     {'shot_08': 8.0, 'shot_09': 9.0, 'shot_10': 10.0}
     """
-    parts = [re.fullmatch(r"(.*?)(\d{1,15})", name) for name in frames]
-    if not parts or None in parts or len({part[1] for part in parts}) > 1:
+    matches = (re.fullmatch(r"(.*?)(\d{1,15})", name) for name in frames)
+    parts = [match for match in matches if match is not None]
+    if not parts or len(parts) < len(frames) or len({part[1] for part in parts}) > 1:
         return None
     times = {name: float(part[2]) for name, part in zip(frames, parts, strict=True)}
     return times if len(set(times.values())) == len(times) else None
@@ -87,8 +88,9 @@ class Film:
         off, step = [], []
         for own in images.values():
             for time in own:
-                five = [own.get(time + k * self.spacing) for k in range(-2, 3)]
-                if any(one is None for one in five):
+                near = (own.get(time + k * self.spacing) for k in range(-2, 3))
+                five = [one for one in near if one is not None]
+                if len(five) < 5:
                     continue
                 shared = set.intersection(*(set(one) for one in five))
                 if shared:

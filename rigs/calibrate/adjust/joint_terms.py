@@ -85,8 +85,8 @@ def richer_terms(
         best = 0.0
         for name in _LADDER[_LADDER.index(terms[camera].name) + 1 :]:
             lens = TERMS[name].freedom(rules)
-            lenses = (lens if first[k] == camera else own for k, own in enumerate(freedom.lens))
-            freed = free | every.freed_in(replace(freedom, lens=tuple(lenses)))
+            tried = (lens if first[k] == camera else own for k, own in enumerate(freedom.lens))
+            freed = free | every.freed_in(replace(freedom, lens=tuple(tried)))
             count = int((freed & ~free).sum())
             gain = fall_of_squares(matrix, gradient, freed) - base - 2 * count * variance
             if gain > best:
@@ -95,10 +95,10 @@ def richer_terms(
     if chosen == terms:
         return None
     lenses, lens_freedom = list(scene.lenses), list(freedom.lens)
-    for camera, (one, before) in enumerate(zip(chosen, terms, strict=True)):
+    for place, (one, before) in enumerate(zip(chosen, terms, strict=True)):
         if one != before:
-            lenses[camera] = lenses[camera].with_model(one.model, len(one.free))
-            lens_freedom[camera] = one.freedom(rules)
+            lenses[place] = lenses[place].with_model(one.model, len(one.free))
+            lens_freedom[place] = one.freedom(rules)
     return (
         replace(scene, lenses=tuple(lenses)),
         replace(freedom, lens=tuple(lens_freedom)),

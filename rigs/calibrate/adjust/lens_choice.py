@@ -117,10 +117,11 @@ def choose(
     if requested != "auto":
         freedom = rules.one_lens(TERMS[requested].freedom(rules))
         return TERMS[requested], _fit(start, observations, TERMS[requested], freedom)
-    best, best_score = None, None
+    best: tuple[Terms, Solution] | None = None
+    best_score = np.zeros(0)
     for name, standard_errors in _STANDARD_ERRORS.items():
         terms = TERMS[name]
-        if name == "rational" and best[0].name != "brown5":
+        if name == "rational" and (best is None or best[0].name != "brown5"):
             break
         freedom = rules.one_lens(terms.freedom(rules))
         if 2 * len(observations) <= 6 * len(np.unique(observations.frame)) + freedom.size:
@@ -140,6 +141,7 @@ def choose(
         is_better = gain.mean() > standard_errors * error
         if is_better and covers_image(solution.scene.lenses[0], image_size):
             best, best_score = (terms, solution), score
+    assert best is not None  # a lens without terms needs less than its frames do for their poses
     return best
 
 
@@ -173,7 +175,7 @@ def held_out_costs(
     huber = 3 * noise(residual, observations.camera, 1)[0]
     length = np.maximum(np.linalg.norm(residual, axis=1), 1e-300)
     weight = np.sqrt(np.minimum(1.0, huber / length))[:, None]
-    costs, matrices, gradients = [], [], []
+    costs, by_lens, falls = [], [], []
     for frame in np.unique(observations.frame):
         own = observations.frame == frame
         A = (by_camera[own] * weight[own, :, None]).reshape(-1, freedom.size)
@@ -187,9 +189,9 @@ def held_out_costs(
             ).sum()
             / 2
         )
-        matrices.append(left.T @ left)
-        gradients.append(left.T @ (r - B @ pose[:, -1]))
-    matrices, gradients = np.array(matrices), np.array(gradients)
+        by_lens.append(left.T @ left)
+        falls.append(left.T @ (r - B @ pose[:, -1]))
+    matrices, gradients = np.array(by_lens), np.array(falls)
     scale = np.sqrt(np.maximum(np.einsum("fii->i", matrices), 1e-300))
     matrices, gradients = matrices / np.outer(scale, scale), gradients / scale
     whole = matrices.sum(axis=0)

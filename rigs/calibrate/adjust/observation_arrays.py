@@ -58,6 +58,12 @@ class ObservationArrays:
             None if self.routes is None else self.routes[keep],
         )
 
+    def after(self, delay: NDArray[np.float64]) -> ObservationArrays:
+        """Return the observations of points that have moved on for each camera's ``delay``."""
+        if self.velocity is None:
+            return self
+        return replace(self, points=self.points + delay[self.camera, None] * self.velocity)
+
     def scaled(self, factor: float) -> ObservationArrays:
         """Return the observations with all lengths multiplied by ``factor``."""
         velocity = None if self.velocity is None else self.velocity * factor
@@ -95,6 +101,11 @@ class Scene:
         """The windows whose numbers are adjusted, by name."""
         return () if self.refraction is None else tuple(p.name for p in self.refraction.priors)
 
+    @property
+    def delays(self) -> NDArray[np.float64]:
+        """How late each camera took its images, ``(cameras,)``; 0 where nothing says so."""
+        return np.zeros(len(self.lenses)) if self.offset is None else self.offset
+
     def centers(self) -> NDArray[np.float64]:
         """Return where the cameras are, ``(cameras, 3)``."""
         return -np.einsum("cji,cj->ci", self.camera_R, self.camera_t)
@@ -106,7 +117,8 @@ def predicted(scene: Scene, observations: ObservationArrays) -> NDArray[np.float
     for camera, rows in camera_rows(observations):
         in_camera, *_ = _in_camera(scene, observations, camera, rows)
         if scene.refraction is not None and observations.routes is not None:
-            in_camera = _apparent(scene, camera, in_camera, observations.routes[rows])
+            routes = observations.routes[rows]
+            in_camera = _apparent(scene, scene.refraction, camera, in_camera, routes)
         uv[rows] = project(scene.lenses[camera], in_camera)[0]
     return uv
 
@@ -194,11 +206,11 @@ def _derivatives(
 
 
 def _apparent(
-    scene: Scene, camera: int, in_camera: NDArray, routes: NDArray
+    scene: Scene, refraction: Refraction, camera: int, in_camera: NDArray, routes: NDArray
 ) -> NDArray[np.float64]:
     """Return points in the camera's axes where they appear: in the direction of their light."""
     center, R = scene.centers()[camera], scene.camera_R[camera]
-    direction = scene.refraction.directions(center, in_camera @ R + center, routes)
+    direction = refraction.directions(center, in_camera @ R + center, routes)
     return np.linalg.norm(in_camera, axis=1, keepdims=True) * direction @ R.T
 
 

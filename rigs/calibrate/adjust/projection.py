@@ -111,9 +111,9 @@ def _perspective(
     ahead = points[:, 2] > _NEAREST
     safe = np.where(ahead[:, None], points, [0.0, 0.0, 1.0])
     origin = np.zeros(3)
-    plane, jacobian = cv2.projectPoints(safe, origin, origin, np.eye(3), full)
-    plane = np.where(ahead[:, None], plane.reshape(-1, 2), np.nan)
-    jacobian = jacobian.reshape(len(points), 2, -1)
+    projected, derivatives = cv2.projectPoints(safe, origin, origin, np.eye(3), full)
+    plane = np.where(ahead[:, None], np.asarray(projected, np.float64).reshape(-1, 2), np.nan)
+    jacobian = np.asarray(derivatives, np.float64).reshape(len(points), 2, -1)
     # OpenCV's columns: rotation 3, translation 3, focal lengths 2, principal point 2, lens
     return plane, jacobian[:, :, 3:6], jacobian[:, :, 10 : 10 + len(coefficients)]
 

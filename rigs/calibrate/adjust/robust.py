@@ -45,20 +45,20 @@ def adjust_robustly(
     residuals = observations.uv - predicted(scene, observations)
     cameras = len(scene.lenses)
     sigma = noise(residuals, observations.camera, cameras)
-    solution = None
-    for iteration in range(_ITERATIONS):
+    steps = 0
+    while True:
         huber = (_HUBER * sigma)[observations.camera]
         solution = adjust(
             scene,
             observations,
             freedom,
             huber=huber,
-            tolerance=1e-3 if iteration == 0 else tolerance,
+            tolerance=1e-3 if steps == 0 else tolerance,
             iterations=iterations,
         )
         scene = solution.scene
         before, sigma = sigma, noise(solution.residuals, observations.camera, cameras)
-        seen = np.isfinite(sigma)
-        if iteration and (np.abs(sigma - before) <= 0.02 * before)[seen].all():
-            break
-    return solution
+        steps += 1
+        is_settled = (np.abs(sigma - before) <= 0.02 * before)[np.isfinite(sigma)].all()
+        if steps == _ITERATIONS or (steps > 1 and is_settled):
+            return solution

@@ -80,7 +80,7 @@ def rig_poses(
     offset = np.zeros(count)
     while not joined.all():
         border = np.where(joined[:, None] & ~joined[None, :], weight, 0.0)
-        a, b = np.unravel_index(np.argmax(border), border.shape)
+        a, b = (int(place) for place in np.unravel_index(np.argmax(border), border.shape))
         if border[a, b] <= 0:
             apart = ", ".join(name for name, is_in in zip(names, joined, strict=True) if not is_in)
             rest = ", ".join(name for name, is_in in zip(names, joined, strict=True) if is_in)

@@ -51,7 +51,7 @@ def flat_poses(
         return []
     found = []
     for turn, shift in zip(turns, shifts, strict=True):
-        R = cv2.Rodrigues(turn)[0]
+        R = np.asarray(cv2.Rodrigues(turn)[0], np.float64)
         t = shift.ravel() - R @ middle
         in_camera = points[known] @ R.T + t
         if np.isfinite(in_camera).all() and (in_camera[:, 2] > 0).all():
@@ -109,14 +109,14 @@ def camera_poses(
         sums = np.bincount(twice.frame, squares, 2 * frames)
         rms[counts > 0] = np.sqrt(sums[counts > 0] / counts[counts > 0])
     posed = np.isfinite(rms)
-    R = np.where(posed[:, None, None], scene.target_R, np.nan).reshape(2, frames, 3, 3)
-    t = np.where(posed[:, None], scene.target_t, np.nan).reshape(2, frames, 3)
-    rms = rms.reshape(2, frames)
-    order = np.argsort(rms, axis=0, kind="stable")
+    turns = np.where(posed[:, None, None], scene.target_R, np.nan).reshape(2, frames, 3, 3)
+    shifts = np.where(posed[:, None], scene.target_t, np.nan).reshape(2, frames, 3)
+    both_rms = rms.reshape(2, frames)
+    order = np.argsort(both_rms, axis=0, kind="stable")
     rows = np.arange(frames)
     pick = [(order[i], rows) for i in range(2)]
     return (
-        np.stack([R[i] for i in pick], axis=1),
-        np.stack([t[i] for i in pick], axis=1),
-        np.stack([rms[i] for i in pick], axis=1),
+        np.stack([turns[i] for i in pick], axis=1),
+        np.stack([shifts[i] for i in pick], axis=1),
+        np.stack([both_rms[i] for i in pick], axis=1),
     )

@@ -74,15 +74,15 @@ def _aligned(
     rescale: bool,
 ) -> tuple[Scene, str, float, tuple[str, ...]]:
     """Return the scene moved onto given positions in the least-squares sense."""
-    given, found = [], []
+    targets, places = [], []
     for name, position in world.items():
-        given.append(numbers(position, (3,), f"world: {name}"))
+        targets.append(numbers(position, (3,), f"world: {name}"))
         if name in cameras:
             index = cameras.index(name)
-            found.append(-scene.camera_R[index].T @ scene.camera_t[index])
+            places.append(-scene.camera_R[index].T @ scene.camera_t[index])
         else:
-            found.append(scene.target_t[_posed_frame(scene, frames, name)])
-    given, found = np.reshape(given, (-1, 3)), np.reshape(found, (-1, 3))
+            places.append(scene.target_t[_posed_frame(scene, frames, name)])
+    given, found = np.reshape(targets, (-1, 3)), np.reshape(places, (-1, 3))
     for points in (given, found):
         if are_on_a_line(points):
             raise ValueError(

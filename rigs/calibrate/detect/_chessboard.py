@@ -25,8 +25,8 @@ def find_chessboard(search: Search, target: Chessboard) -> Found:
     possible = list(orders(rough, positions, target.columns))
     if not possible:
         return Found.nothing(f"no chessboard of {size} inner corners")
-    rough = rough[max(possible, key=lambda order: _first_is_black(search, target, rough[order]))]
-    saddles, good = refine_corners(search.whole, positions, rough)
+    upright = max(possible, key=lambda order: _first_is_black(search, target, rough[order]))
+    saddles, good = refine_corners(search.whole, positions, rough[upright])
     # Positive where the square right and down of the corner is black; all change sign in negatives
     black = np.sign(saddles.contrast) * (1 - 2 * ((column + row) % 2))
     if len(np.unique(black[good])) != 1:
@@ -73,7 +73,8 @@ def _rough(search: Search, target: Chessboard) -> NDArray[np.float64] | None:
         return search.in_whole(corners.reshape(-1, 2))
     shrink = max(1.0, max(search.small.shape) / _FALLBACK)
     wanted = [round(length / shrink) for length in search.small.shape[::-1]]
-    coarse = Search(search.whole, cv2.resize(search.small, wanted, interpolation=cv2.INTER_AREA))
+    small = cv2.resize(search.small, wanted, interpolation=cv2.INTER_AREA)
+    coarse = Search(search.whole, np.asarray(small, np.uint8))
     found, corners = cv2.findChessboardCornersSB(coarse.small, size, flags=0)
     return coarse.in_whole(corners.reshape(-1, 2)) if found else None
 

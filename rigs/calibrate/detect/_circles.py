@@ -157,8 +157,11 @@ def _continues(image, target: CircleGrid, positions, uv, radius: float, contrast
                 continue
             circle = _ellipse(image, start, step, _half_way(target))
             expected = radius * np.sqrt(abs(np.linalg.det(step)))
-            is_like = circle is not None and circle.contrast > contrast
-            like.append(is_like and 0.7 < circle.radius / expected < 1.4)
+            like.append(
+                circle is not None
+                and circle.contrast > contrast
+                and 0.7 < circle.radius / expected < 1.4
+            )
         if len(like) >= 2 and np.mean(like) > 0.5:
             return True
     return False

@@ -93,16 +93,16 @@ def _numbers(array: NDArray) -> NDArray:
 def write(path: Path, entries: Mapping[str, Entry]) -> None:
     """Write the entries under a temporary name in the same folder, then rename it."""
     found = [entry[0] for entry in entries.values()]
-    stored = {
-        "format": np.array(_FORMAT),
-        "keys": np.array(list(entries), dtype=np.str_),
-        "counts": np.array([len(item.point) for item in found], np.int64),
-        "point": np.concatenate([np.zeros(0, np.int64), *(item.point for item in found)]),
-        "uv": np.concatenate([np.zeros((0, 2)), *(item.uv for item in found)]),
-        "blur": np.array([item.blur for item in found], np.float64),
-        "reason": np.array([item.reason for item in found], dtype=np.str_),
-        "legacy": np.array([-1 if i.legacy is None else int(i.legacy) for i in found], np.int64),
-        "size": np.array([entry[1] for entry in entries.values()], np.int64).reshape(-1, 2),
-    }
     with atomic_path(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **stored)
+        np.savez_compressed(
+            file,
+            format=np.array(_FORMAT),
+            keys=np.array(list(entries), dtype=np.str_),
+            counts=np.array([len(item.point) for item in found], np.int64),
+            point=np.concatenate([np.zeros(0, np.int64), *(item.point for item in found)]),
+            uv=np.concatenate([np.zeros((0, 2)), *(item.uv for item in found)]),
+            blur=np.array([item.blur for item in found], np.float64),
+            reason=np.array([item.reason for item in found], dtype=np.str_),
+            legacy=np.array([-1 if i.legacy is None else int(i.legacy) for i in found], np.int64),
+            size=np.array([entry[1] for entry in entries.values()], np.int64).reshape(-1, 2),
+        )

@@ -71,7 +71,8 @@ def _submitted(pool, jobs: list[Job], target: Target, both_layouts: bool) -> Ite
             for _, _, source in group:
                 yield pool.submit(_examine, camera, source, target, both_layouts)
             continue
-        pictures = read_pictures(path, [source.index for _, _, source in group])
+        wanted = [source.index for _, _, source in group if isinstance(source, VideoFrame)]
+        pictures = read_pictures(path, wanted)
         while True:
             try:
                 _, picture = next(pictures)

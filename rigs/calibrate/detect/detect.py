@@ -169,7 +169,7 @@ def _legacy(found: Found, target: CharucoBoard) -> bool:
     return target.legacy if found.legacy is None else found.legacy
 
 
-def _layout(target: Target, entries: list[Entry]) -> Target | None:
+def _layout(target: Target, entries: list[Entry]) -> CharucoBoard | None:
     """Return the target in the layout that most images show; None if all agree."""
     if not isinstance(target, CharucoBoard):
         return None
@@ -221,8 +221,8 @@ def _instead(images: list[NDArray], target: Target) -> str | None:
         return "the target mirrored"
     if not isinstance(target, CharucoBoard):
         return None
-    sizes = Counter(other_counts(Search.of(image), target) for image in images)
-    sizes.pop(None, None)
+    others = (other_counts(Search.of(image), target) for image in images)
+    sizes = Counter(size for size in others if size is not None)
     if sizes:
         columns, rows = max(sizes, key=lambda size: sizes[size])
         other = replace(target, columns=columns, rows=rows)
@@ -234,8 +234,8 @@ def _instead(images: list[NDArray], target: Target) -> str | None:
 
 def _other_chessboard(images: list[NDArray], target: Chessboard) -> str | None:
     """Return the commonest size of the boards in some images in words; whole boards go first."""
-    counted = [counted_chessboard(Search.of(image)) for image in images]
-    counted = [each for each in counted if each is not None]
+    boards = (counted_chessboard(Search.of(image)) for image in images)
+    counted = [board for board in boards if board is not None]
     whole = [size for size, is_whole in counted if is_whole]
     sizes = Counter(whole or [size for size, _ in counted])
     if not sizes:

@@ -60,7 +60,7 @@ class Search:
         """Prepare a grey ``image`` ``(rows, columns)`` of any type of number."""
         whole = np.ascontiguousarray(image, np.float32)
         shrink = max(1.0, max(whole.shape) / _SEARCHED)
-        small = whole
+        small: NDArray = whole
         if shrink > 1:
             size = [max(1, round(length / shrink)) for length in whole.shape[::-1]]
             small = cv2.resize(whole, size, interpolation=cv2.INTER_AREA)
@@ -74,7 +74,8 @@ class Search:
 
     def mirrored(self) -> Search:
         """Return the image with left and right exchanged."""
-        return Search(*(np.ascontiguousarray(form[:, ::-1]) for form in (self.whole, self.small)))
+        whole, small = self.whole[:, ::-1], self.small[:, ::-1]
+        return Search(np.ascontiguousarray(whole), np.ascontiguousarray(small))
 
     def in_whole(self, uv: NDArray) -> NDArray[np.float64]:
         """Return pixel coordinates ``(..., 2)`` of the small image as those of the whole one."""

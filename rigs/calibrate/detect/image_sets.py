@@ -118,9 +118,9 @@ def image_set(
             raise ValueError(
                 f"{folder}: pattern: found no image whose name fits {pattern!r}, expected some"
             )
-        films = {camera: each[ONLY] for camera, each in found.items() if ONLY in each}
-        if len(films) == len(found) and all(is_film(path) for path in films.values()):
-            return _pictures_of(films, every, are_mosaics)
+        alone = {camera: each[ONLY] for camera, each in found.items() if ONLY in each}
+        if len(alone) == len(found) and all(is_film(path) for path in alone.values()):
+            return _pictures_of(alone, every, are_mosaics)
         return _sources(found, are_mosaics)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     inside.sort(key=lambda path: natural(path.name))

@@ -69,9 +69,9 @@ def labels(
             if place >= 0 and not found[place][0]:
                 found[place] = name, label
     of_windows = [(window, label) for window in windows for label in WINDOW_NUMBERS]
-    for place, label in zip(freedom.window_places, of_windows, strict=True):
+    for place, of_window in zip(freedom.window_places, of_windows, strict=True):
         if place >= 0:
-            found[place] = label
+            found[place] = of_window
     return tuple(found)
 
 

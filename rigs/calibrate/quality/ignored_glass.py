@@ -124,10 +124,10 @@ def ignored_glass(
         alike = gain > max(gain.max() - _ALIKE * variance, 0)
         thick = both.slope[alike] / both.curve[alike]
         angle = np.degrees(np.arccos(normals[alike, 2]))
-        ranges = ((float(x.min()), float(x.max())) for x in (thick, angle))
         moves = float(np.sqrt(gain.max() / (2 * (observations.camera == camera).sum())))
         if alike.any():
-            found.append(IgnoredGlass(camera, *ranges, float(deviations), moves))
+            thickness, tilt = ((float(x.min()), float(x.max())) for x in (thick, angle))
+            found.append(IgnoredGlass(camera, thickness, tilt, float(deviations), moves))
     return tuple(found)
 
 
@@ -185,16 +185,16 @@ def _panes(
             columns[:, :, first:] = _by_panes(
                 scene, observations, one, rows, by_target[:, :, 3:], normals
             )
-        columns = columns.reshape(2 * len(uv), -1)
-        own = slice(0, columns.shape[1])
-        crossed[own, places] += columns.T @ by_camera.reshape(len(columns), -1)
-        slope[own] += columns.T @ (observations.uv[rows] - uv).reshape(-1)
-        gram[:, own] += columns[:, :first].T @ columns
-        curve[own] += (columns**2).sum(axis=0)
+        flat = columns.reshape(2 * len(uv), -1)
+        own = slice(0, flat.shape[1])
+        crossed[own, places] += flat.T @ by_camera.reshape(len(flat), -1)
+        slope[own] += flat.T @ (observations.uv[rows] - uv).reshape(-1)
+        gram[:, own] += flat[:, :first].T @ flat
+        curve[own] += (flat**2).sum(axis=0)
         for frame, part in runs(observations.frame[rows]):
             index = int(np.searchsorted(normal.frames, frame))
             both = slice(2 * part.start, 2 * part.stop)
-            mixed[index][:, own] += by_target[part].reshape(-1, 6).T @ columns[both]
+            mixed[index][:, own] += by_target[part].reshape(-1, 6).T @ flat[both]
     raw = curve.copy()
     solved = np.linalg.solve(targets, mixed)  # (frames, 6, columns)
     crossed -= np.einsum("fic,fpi->cp", solved, normal.mixed)

@@ -13,9 +13,9 @@ from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, p
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
 from rigs.calibrate.quality.region import evaluation_points
+from rigs.camera import Camera
 from rigs.check.lines_of_sight import ray_miss
 from rigs.rig import Rig, Volume
-from rigs.scene.scene_camera import own_camera
 
 _COVERAGE_CELLS = 8  # along each side of an image
 _LEAST_SPARE = 60  # degrees of freedom between images; fewer do not determine their variance
@@ -154,7 +154,8 @@ def measure(
         contradiction,
         _group_rms(lengths2, observations.camera, used, cameras),
         _group_rms(lengths2, observations.frame, used, frames),
-        *coverage,
+        coverage[0],
+        coverage[1],
         depths,
         focal_errors(scene, freedom, covariance / excess),
         lens_misfit(scene, observations.where(used), freedom, noise),
@@ -192,17 +193,18 @@ def _cross_validated(
         halves.append(half_rig)
     if expected > (_HALVES_TOO_POOR * whole) ** 2:
         return np.nan, np.nan
-    return ray_miss(*halves, points), float(np.sqrt(expected))
+    return ray_miss(halves[0], halves[1], points), float(np.sqrt(expected))
 
 
 def with_scene(rig: Rig, scene: Scene) -> Rig:
     """Return the rig with the lenses and poses of the scene."""
-    own, cameras = map(own_camera, rig), []
-    for camera, lens, R, t in zip(own, scene.lenses, scene.camera_R, scene.camera_t, strict=True):
-        cameras.append(
-            replace(camera, camera_matrix=lens.matrix, distortion=lens.distortion, R=R, t=t)
+    cameras = tuple(
+        Camera(
+            one.name, one.image_size, lens.matrix, lens.distortion, R, t, one.optics, one.status
         )
-    rig = replace(rig, cameras=tuple(cameras))
+        for one, lens, R, t in zip(rig, scene.lenses, scene.camera_R, scene.camera_t, strict=True)
+    )
+    rig = replace(rig, cameras=cameras)
     return rig if scene.refraction is None else rig.through(scene.refraction.scene)
 
 

@@ -34,10 +34,11 @@ def summary(calibration: Calibration) -> dict[str, Any]:
             "ray_miss": plain(quality.camera_ray_miss[index], _DIGITS),
         }
     step = calibration.synchrony
-    for index, figures in enumerate(cameras.values() if step is not None else ()):
-        figures["time_offset_frames"] = plain(step.offset[index], _DIGITS)
-        figures["time_offset_error_frames"] = plain(step.error[index], _DIGITS)
-        figures["out_of_step"] = bool(step.is_out[index])
+    if step is not None:
+        for index, figures in enumerate(cameras.values()):
+            figures["time_offset_frames"] = plain(step.offset[index], _DIGITS)
+            figures["time_offset_error_frames"] = plain(step.error[index], _DIGITS)
+            figures["out_of_step"] = bool(step.is_out[index])
     for own, figures in zip(calibration.looked_through, cameras.values(), strict=False):
         figures["looked_through"] = list(own)
     windows = {window.name: plain(window.figures(), _DIGITS) for window in calibration.windows}

@@ -15,6 +15,7 @@ from rigs.geometry.rotation import matrix_of_vector
 from rigs.scene.plates import Window
 from rigs.scene.scene import Scene
 from rigs.scene.sight_lines import CENTER, WINDOW, endless, sight_lines
+from rigs.scene.solids import Solid, vector_of
 from rigs.scene.surfaces import perpendicular
 
 
@@ -59,7 +60,7 @@ class Refraction:
                     f"expected windows of the scene: {', '.join(sorted(windows)) or 'it has none'}"
                 )
         solids = tuple(
-            replace(solid, across=perpendicular(np.array(solid.normal)))
+            replace(solid, across=vector_of(perpendicular(np.array(solid.normal))))
             if isinstance(solid, Window) and solid.across is None
             else solid
             for solid in scene.solids
@@ -103,18 +104,18 @@ class Refraction:
         """Return the scene after changes ``(size,)`` of its windows' numbers."""
         if not step.any():
             return self
-        solids = {solid.name: solid for solid in self.scene.solids}
+        solids: dict[str, Solid] = {solid.name: solid for solid in self.scene.solids}
         for prior, own in zip(self.priors, step.reshape(-1, WINDOW), strict=True):
-            window = solids[prior.name]
+            window = self.window(prior.name)
             normal, across = np.array(window.normal), np.array(window.across)
             along = own[0] * across + own[1] * np.cross(normal, across)
             R = matrix_of_vector(np.cross(normal, along))
             thickness = max(window.thickness + own[3], window.thickness / 10)
             solids[prior.name] = replace(
                 window,
-                point=tuple(np.array(window.point) + own[2] * normal),
-                normal=tuple(R @ normal),
-                across=tuple(R @ across),
+                point=vector_of(np.array(window.point) + own[2] * normal),
+                normal=vector_of(R @ normal),
+                across=vector_of(R @ across),
                 thickness=float(thickness),
             )
         return replace(self, scene=replace(self.scene, solids=tuple(solids.values())))
@@ -138,8 +139,12 @@ class Refraction:
             replace(prior, distance=prior.distance * factor, thickness=prior.thickness * factor)
             for prior in self.priors
         )
-        scenes = (scene.with_lengths_scaled(factor) for scene in (self.scene, self.given))
-        return Refraction(*scenes, priors, self.noise)
+        return replace(
+            self,
+            scene=self.scene.with_lengths_scaled(factor),
+            given=self.given.with_lengths_scaled(factor),
+            priors=priors,
+        )
 
     def check_outside(self, center: NDArray[np.float64], camera: str = "a camera") -> None:
         """Raise if a camera stands in a solid.
@@ -163,9 +168,8 @@ class Refraction:
         for number, solid in enumerate(self.scene.solids):
             own = solid.faces(self.scene.medium)
             own["solid"] = number
-            is_window = isinstance(solid, Window)
-            adjusted = is_window and solid.name in names
-            depth = np.array([0.0, solid.thickness if is_window else 0.0])
+            adjusted = isinstance(solid, Window) and solid.name in names
+            depth = np.array([0.0, solid.thickness if isinstance(solid, Window) else 0.0])
             rows.append(own)
             windows.append(np.full(len(own), names.index(solid.name) if adjusted else -1))
             depths.append(np.pad(depth, (0, max(len(own) - 2, 0)))[: len(own)])
@@ -208,7 +212,7 @@ class Refraction:
         center: NDArray[np.float64],
         points: NDArray[np.float64],
         routes: NDArray[np.int64],
-    ) -> tuple[NDArray[np.float64], ...]:
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return `directions` ``(N, 3)``, and their derivatives.
 
         Returns
@@ -230,4 +234,5 @@ class Refraction:
 
 def _window(scene: Scene, name: str) -> Window:
     """Return the window of a scene by name."""
-    return next(solid for solid in scene.solids if solid.name == name)
+    windows = (solid for solid in scene.solids if isinstance(solid, Window))
+    return next(window for window in windows if window.name == name)

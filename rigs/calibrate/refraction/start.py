@@ -122,7 +122,7 @@ def likely_route(
         normal, ahead = np.array(solid.normal), np.array(solid.point) - center
         with np.errstate(divide="ignore", invalid="ignore"):
             part = (ahead @ normal) / ((point - center) @ normal)
-        away = np.linalg.norm(part * (point - center) - ahead) / (solid.diameter / 2)
+        away = float(np.linalg.norm(part * (point - center) - ahead)) / (solid.diameter / 2)
         if 0 < part < 1 and away < nearest:
             own = np.flatnonzero((refraction.solid == number) & (refraction.action != BLOCKS))
             route, nearest = own if ahead @ normal < 0 else own[::-1], away

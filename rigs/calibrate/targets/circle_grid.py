@@ -56,7 +56,7 @@ class CircleGrid(Drawn):
         if self.diameter is None:
             object.__setattr__(self, "diameter", neighbour / 2)
         check_length(self, "diameter")
-        if self.diameter >= neighbour:
+        if 2 * self._radius >= neighbour:
             raise ValueError(
                 f"diameter: found {self.diameter:g}, expected less than the distance "
                 f"{neighbour:g} of neighbours"
@@ -79,9 +79,15 @@ class CircleGrid(Drawn):
         return points
 
     @property
+    def _radius(self) -> float:
+        """Half the diameter, which is a number once the fields are checked."""
+        assert self.diameter is not None
+        return self.diameter / 2
+
+    @property
     def extent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Lowest and highest (x, y) of the drawing: the centres and a margin of one spacing."""
-        margin = max(self.spacing, self.diameter)
+        margin = max(self.spacing, 2 * self._radius)
         return self.points[:, :2].min(axis=0) - margin, self.points[:, :2].max(axis=0) + margin
 
     @property
@@ -110,5 +116,5 @@ class CircleGrid(Drawn):
             column = np.clip(np.round((x / self.spacing - shift) / step), 0, self.columns - 1)
             dx = x - (step * column + shift) * self.spacing
             dy = y - row * self.spacing
-            white[np.hypot(dx, dy) < self.diameter / 2] = 0.0
+            white[np.hypot(dx, dy) < self._radius] = 0.0
         return white

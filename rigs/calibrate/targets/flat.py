@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 _MAX_POINTS = 100_000  # of a target; more are a typing error and take memory
 _MAX_PIXELS = 400_000_000  # of a drawing; more take more than 400 MB
@@ -14,6 +14,15 @@ _MAX_PIXELS = 400_000_000  # of a drawing; more take more than 400 MB
 
 class Drawn:
     """A target that is drawn from its `brightness`."""
+
+    @property
+    def extent(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Lowest and highest (x, y) of the drawing; each kind of target has its own."""
+        raise NotImplementedError
+
+    def brightness(self, x: ArrayLike, y: ArrayLike) -> NDArray[np.float64]:
+        """Return the print's brightness at target coordinates: 0 is black, 1 white."""
+        raise NotImplementedError
 
     def drawing(self, pixels_per_unit: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
         """Return the target as an image for print, with a white margin around it.

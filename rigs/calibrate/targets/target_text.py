@@ -74,7 +74,7 @@ def _read_circles(asymmetric: bool) -> Callable[..., CircleGrid]:
     return read
 
 
-_READERS = {
+_READERS: dict[str, tuple[int, int, str, Callable[..., Target]]] = {
     "chessboard": (
         2,
         2,

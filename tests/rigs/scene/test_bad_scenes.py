@@ -102,9 +102,7 @@ class Ring:
 
 def test_a_solid_that_the_file_does_not_know_is_not_written(load, tmp_path):
     rig = load().through(Scene((Ring(),)))
-    with pytest.raises(
-        ValueError, match=r"solid ring: found Ring, expected one of window, .*mesh"
-    ):
+    with pytest.raises(ValueError, match="solid ring: found Ring, expected one of window"):
         save_rig(rig, tmp_path / "new.yaml")
 
 

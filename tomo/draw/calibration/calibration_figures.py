@@ -15,6 +15,7 @@ from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
 
     from rigs.calibrate import Calibration, Observations
@@ -48,13 +49,14 @@ def draw_residuals(calibration: Calibration) -> Figure:
     highest = _quantile([rms for _, rms, _ in maps], 0.98)
     longest = _quantile([np.linalg.norm(mean, axis=-1) for mean, _, _ in maps], 0.95)
     figure, panels = _panels(observations)
-    shown = None
+    shown = []
     for axes, cell, (mean, rms, count), name in zip(
         panels, cells, maps, observations.cameras, strict=True
     ):
-        shown = axes.imshow(
+        image = axes.imshow(
             rms, extent=cell.extent, cmap="YlOrBr", vmin=0, vmax=highest, interpolation="nearest"
         )
+        shown.append(image)
         row, column = np.nonzero(count >= 3)
         x, y = cell.middles(row, column)
         u, v = (mean[row, column] * cell.side / longest).T
@@ -71,7 +73,7 @@ def draw_residuals(calibration: Calibration) -> Figure:
             pivot="mid",
         )
         axes.set_title(plain(name), fontsize=8, color=INK, pad=3)
-    _bar(figure, shown, "RMS residual in a cell (px)")
+    _bar(figure, shown[-1], "RMS residual in a cell (px)")
     figure.text(
         0.99, 0.008 * 9 / figure.get_figheight(),
         f"an arrow as long as a cell: mean residual {longest:.2g} px",
@@ -90,15 +92,16 @@ def draw_coverage(calibration: Calibration) -> Figure:
         mine = np.flatnonzero(calibration.used & (observations.camera == index))
         maps.append((cell, cell.sums(mine, np.ones(len(mine)))))
     highest = max(_quantile([count for _, count in maps], 0.98), 1.0)
-    shown = None
+    shown = []
     for axes, (cell, count), name in zip(panels, maps, observations.cameras, strict=True):
-        shown = axes.imshow(
+        image = axes.imshow(
             np.where(count > 0, count, np.nan), extent=cell.extent, cmap="GnBu", vmin=0,
             vmax=highest, interpolation="nearest",
         )  # fmt: skip
+        shown.append(image)
         fraction = f"{np.mean(count > 0):.0%}"
         axes.set_title(f"{plain(name)}: {fraction}", fontsize=8, color=INK, pad=3)
-    _bar(figure, shown, "observations per cell; titles give the fraction of cells with any")
+    _bar(figure, shown[-1], "observations per cell; titles give the fraction of cells with any")
     return figure
 
 
@@ -285,7 +288,7 @@ def _no_ticks(axes: Axes) -> None:
         spine.set(color="#c3cad1", linewidth=0.6)
 
 
-def _bar(figure: Figure, shown: object, words: str) -> None:
+def _bar(figure: Figure, shown: ScalarMappable, words: str) -> None:
     """Add a colour bar at the bottom on the left."""
     height = figure.get_figheight()
     bar = figure.add_axes((0.012, 0.36 / height, 0.3, 0.09 / height))

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.camera_protocol import has_lens
 from rigs.files import atomic_path
 from rigs.scene.scene_camera import own_camera
 from tomo.draw.calibration.calibration_figures import (
@@ -183,6 +184,7 @@ def _camera_rows(calibration: Calibration) -> list[dict[str, Any]]:
     worst = _largest(quality.camera_rms)
     rows = []
     for index, camera in enumerate(map(own_camera, calibration.rig)):
+        assert has_lens(camera)  # `calibrate` finds lenses
         own = observations.camera == index
         (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2]
         near, far = quality.depth_range[index]

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import shapes
-from tomo.draw.rig import rig_scene
-from tomo.draw.scene import Colour, Mesh, Scene, rgb
+from tomo.draw.rig.rig_scene import rig_scene
+from tomo.draw.scene import Colour, Mesh, Scene, as_colour, rgb
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -57,4 +57,4 @@ def _outline(points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _between(fraction: float) -> Colour:
-    return tuple(a + (b - a) * float(fraction) for a, b in zip(_GOOD, _BAD, strict=True))
+    return as_colour(a + (b - a) * float(fraction) for a, b in zip(_GOOD, _BAD, strict=True))

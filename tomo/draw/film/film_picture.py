@@ -71,6 +71,8 @@ class FilmPicture:
     @cached_property
     def _empty(self) -> tuple[NDArray[np.uint8], list[tuple[int, int, int, int]]]:
         """The picture without values, and where they belong: top, bottom, left, right."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
         shown = self._panels(np.zeros(self.grid.shape, np.float32))
         room = HEIGHT - 1.15
         scale = min(room / max(panel.size[1] for panel in shown),
@@ -92,8 +94,9 @@ class FilmPicture:
             places.append(axes)
             left += wide + 0.85
         self._bar(figure, left - 0.45, room, width)
-        figure.canvas.draw()
-        picture = np.asarray(figure.canvas.buffer_rgba())[..., :3].copy()
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        picture = np.asarray(canvas.buffer_rgba())[..., :3].copy()
         lines = picture.shape[0]
         boxes = []
         for axes in places:

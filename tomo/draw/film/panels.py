@@ -56,9 +56,9 @@ def panels(volume: NDArray, grid: VoxelGrid, kinds: tuple[str, ...] = ()) -> lis
     volume = np.nan_to_num(volume, nan=0.0)
     found = []
     for kind in kinds or KINDS:
-        for values, axes, extent, at in KINDS[kind](volume, grid):
+        for values, axes, extent, place in KINDS[kind](volume, grid):
             level, upright, across = (frame.NAMES[axis] for axis in axes)
-            at = coordinate(at, extent)
+            at = coordinate(place, extent)
             name = f"{across} = {at}" if kind == "slice" else f"maximum along {across}"
             size = extent[1] - extent[0], extent[3] - extent[2]
             found.append(Panel(name, values[::-1], size, level, upright))

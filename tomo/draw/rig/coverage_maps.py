@@ -178,10 +178,13 @@ def _draw_map(
     bar = figure.add_axes(place(left - 0.3, bottom, 0.1, tallest))
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import Normalize
+    from matplotlib.ticker import MaxNLocator
 
     figure.colorbar(
         ScalarMappable(Normalize(shown.scale.lower, shown.scale.upper), shown.scale.colours), bar
     )
-    bar.yaxis.get_major_locator().set_params(integer=shown.name == "views")
+    locator = bar.yaxis.get_major_locator()
+    if isinstance(locator, MaxNLocator):
+        locator.set_params(integer=shown.name == "views")
     bar.tick_params(labelsize=6.5, colors=MUTED, length=2)
     bar.yaxis.get_offset_text().set_fontsize(6.5)

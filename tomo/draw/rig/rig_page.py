@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -80,8 +81,8 @@ def check_table(check: RigCheck) -> Table:
     known = [
         column for column in range(len(head)) if any(row[column] != _NO_FIGURE for row in rows)
     ]
-    head, rows = ([tuple(line[c] for c in known) for line in part] for part in ([head], rows))
-    return Table("Is this rig good enough?", tuple(lines), head[0], tuple(rows))
+    heads, *shown = (tuple(line[column] for column in known) for line in (head, *rows))
+    return Table("Is this rig good enough?", tuple(lines), heads, tuple(shown))
 
 
 def difference_table(difference: RigDifference, unit: str, first: str, second: str) -> Table:
@@ -184,14 +185,16 @@ def target_scene(rig: Rig) -> Scene:
 
 def _pose(pose: object, what: str) -> tuple[str, str, np.ndarray]:
     """Return the names of frame and camera, and the corners ``(N, 3)`` of one target."""
-    try:
-        border = np.array(pose["corners"], np.float64)
-        name, camera = str(pose["frame"]), str(pose["camera"])
-        is_good = isinstance(pose, Mapping) and border.ndim == 2 and len(border) > 2
-        is_good = is_good and border.shape[1] == 3 and bool(np.isfinite(border).all())
-    except (TypeError, ValueError, KeyError):
-        is_good = False
-    if not is_good:
+    name, camera, border = "", "", np.zeros((0, 3))
+    if isinstance(pose, Mapping):
+        with suppress(TypeError, ValueError, KeyError):
+            name, camera, border = (
+                str(pose["frame"]),
+                str(pose["camera"]),
+                np.array(pose["corners"], np.float64),
+            )
+    is_outline = border.ndim == 2 and len(border) > 2 and border.shape[1] == 3
+    if not (is_outline and np.isfinite(border).all()):
         raise ValueError(
             f"{what}: found {str(pose)[:60]!r}, expected frame, camera and corners (N, 3)"
         )

@@ -23,7 +23,7 @@ from tomo.draw.rig.rig_scene import (
     typical_distance,
     up_of,
 )
-from tomo.draw.scene import Scene
+from tomo.draw.scene import Colour, Scene
 from tomo.draw.shapes import box_corners
 from tomo.draw.still import show_scene, write_names
 from tomo.draw.viewpoint import Viewpoint
@@ -89,20 +89,28 @@ def draw_rig(
     return figure
 
 
-def write_rig(path: str | os.PathLike, rig: Rig, **what: object) -> None:
+def write_rig(
+    path: str | os.PathLike,
+    rig: Rig,
+    grid: VoxelGrid | None = None,
+    volume: NDArray | None = None,
+    title: str = "",
+    supersample: int = 3,
+    extra: Scene | None = None,
+) -> None:
     """Write `draw_rig`'s figure as a PNG file."""
-    save_figure(draw_rig(rig, **what), path)
+    save_figure(draw_rig(rig, grid, volume, title, supersample, extra), path)
 
 
 def _panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
     """Return axes whose data coordinates are the pixels of the finished picture."""
     axes = figure.add_axes(rect)
-    size = tuple(
+    width, height = (
         round(fraction * inches * figure.dpi)
         for fraction, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
     )
     axes.set_axis_off()
-    return axes, size
+    return axes, (width, height)
 
 
 def _overview(
@@ -177,8 +185,9 @@ def _magnifier(figure: Figure, overview: Axes, closeup: Axes, box: NDArray) -> N
     lower, upper = np.nanmin(box, axis=0), np.nanmax(box, axis=0)
     grow = np.maximum(18 - (upper - lower), 8) / 2
     lower, upper = lower - grow, upper + grow
-    frame_line = {"edgecolor": INK, "linewidth": 0.8}
-    overview.add_patch(Rectangle(lower, *(upper - lower), fill=False, **frame_line))
+    (left, top), (width, height) = lower, upper - lower
+    frame_line = Rectangle((left, top), width, height, fill=False, edgecolor=INK, linewidth=0.8)
+    overview.add_patch(frame_line)
     closeup.set_axis_on()
     closeup.set_xticks([])
     closeup.set_yticks([])
@@ -242,7 +251,7 @@ def _captions(
             color=MUTED,
             va="top",
         )
-    entries = {}
+    entries: dict[str, tuple[Colour, list[float]]] = {}
     for camera in rig:
         word, colour = colour_of(camera, target, up)
         entries.setdefault(word, (colour, []))[1].append(elevation_of(camera, target, up))

@@ -13,7 +13,7 @@ from rigs.scene.scene_camera import own_camera
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
 from tomo.draw.rig.solids import bent_line, solids_scene
-from tomo.draw.scene import Colour, Label, Mesh, Scene, rgb
+from tomo.draw.scene import Colour, Label, Mesh, Scene, as_colour, rgb
 from tomo.draw.volume import isosurface_scene
 from tomo.grid import VoxelGrid, grid_of_rig
 
@@ -223,7 +223,7 @@ def _camera_scene(camera: CameraLike, target: Target, typical: float, up: Up) ->
         (
             Mesh(camera.name, "cameras", *wires, colour),
             Mesh(camera.name, "cameras", *face, colour, 0.25),
-            Mesh(camera.name, "sight lines", *line, tuple(0.45 + 0.55 * c for c in colour)),
+            Mesh(camera.name, "sight lines", *line, as_colour(0.45 + 0.55 * c for c in colour)),
         ),
         (Label(camera.name, "names", position, 0.085 * away, colour),),
     )
@@ -234,7 +234,7 @@ def through_scene(rig: Rig, target: Target, typical: float, up: Up) -> Scene:
     lines = []
     for camera in rig:
         _, colour = colour_of(own_camera(camera), target, up)
-        pale = tuple(0.45 + 0.55 * c for c in colour)
+        pale = as_colour(0.45 + 0.55 * c for c in colour)
         points = bent_line(camera, target.center, target.radius)
         line = shapes.polyline(points, 0.0012 * typical)
         lines.append(Mesh(camera.name, "sight lines", *line, pale))

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import scene as optics
 from tomo.draw.scene import Mesh, Scene, rgb
+
+if TYPE_CHECKING:
+    import trimesh
 
 _LOOKS = {
     optics.Glass: (rgb("#6aa9c9"), 0.28),
@@ -58,15 +62,21 @@ def triangles_of(solid: optics.Solid, width: float) -> tuple[NDArray[np.float64]
     if isinstance(solid, optics.Cylinder):
         length = solid.length if math.isfinite(solid.length) else width
         across = np.array(solid.axis)
-        ring = {"height": length, "sections": _SECTIONS}
         if solid.inner_radius > 0:
-            made = trimesh.creation.annulus(solid.inner_radius, solid.radius, **ring)
+            made = trimesh.creation.annulus(
+                solid.inner_radius, solid.radius, height=length, sections=_SECTIONS
+            )
         else:
-            made = trimesh.creation.cylinder(solid.radius, **ring)
+            made = trimesh.creation.cylinder(solid.radius, height=length, sections=_SECTIONS)
         return _placed(made, np.array(solid.point), across, None)
-    thickness = getattr(solid, "thickness", 1e-3 * width)  # a mirror has none
+    if not isinstance(solid, optics.Window | optics.Mirror):
+        raise ValueError(
+            f"scene: solid {solid.name}: found {type(solid).__name__}, expected a Window, "
+            "Cylinder, Sphere, Mirror or Mesh to draw"
+        )
+    thickness = solid.thickness if isinstance(solid, optics.Window) else 1e-3 * width
     size = width if solid.size is None else solid.size
-    if np.ndim(size):
+    if isinstance(size, tuple):
         made = trimesh.creation.box((*size, thickness))
     else:
         made = trimesh.creation.cylinder(size / 2, thickness, sections=_SECTIONS)
@@ -75,7 +85,7 @@ def triangles_of(solid: optics.Solid, width: float) -> tuple[NDArray[np.float64]
 
 
 def _placed(
-    made: object, middle: NDArray, axis: NDArray, across: tuple | None
+    made: trimesh.Trimesh, middle: NDArray, axis: NDArray, across: tuple | None
 ) -> tuple[NDArray[np.float64], NDArray]:
     """Return a shape made along z, with its axis and its first side turned to those given."""
     from rigs.scene.surfaces import perpendicular

@@ -68,8 +68,9 @@ def load_thumbnails(
         chosen = {name: _of_frame(each, frame) for name, each in found.items()}
         files = {name: path for name, path in chosen.items() if path is not None}
         images = {name: _read(path, rig[name]) for name, path in files.items()}
-    for line in image_notes({name: [path] for name, path in files.items()}) if note else ():
-        note(line)
+    if note is not None:
+        for line in image_notes({name: [path] for name, path in files.items()}):
+            note(line)
     if not images:
         moment = "" if frame is None else f" of frame {frame}"
         raise ValueError(
@@ -79,7 +80,7 @@ def load_thumbnails(
     small = {name: shrunk(image, longest) for name, image in images.items()}
     bright = np.quantile(np.concatenate([image.ravel() for image in small.values()]), 0.999)
     scale = 255 / bright if bright > 0 else 1.0
-    return {name: np.uint8(np.clip(image * scale, 0, 255)) for name, image in small.items()}
+    return {name: np.clip(image * scale, 0, 255).astype(np.uint8) for name, image in small.items()}
 
 
 def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:

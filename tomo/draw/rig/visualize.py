@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from rigs import Rig
 from rigs.check.compare import RigDifference
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tomo.draw.volume.given import GivenVolume
     from tomo.scan import Scan
 
-    Images = Scan | str | os.PathLike | Mapping[str, NDArray]
+    Images: TypeAlias = Scan | str | os.PathLike | Mapping[str, NDArray]
 
 NAMES = ("the rig", "the other")
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,7 @@ from tomo.pipeline import Reconstruction
 if TYPE_CHECKING:
     from xarray import DataArray
 
-    GivenVolume = Reconstruction | DataArray | NDArray | "Volume" | str | os.PathLike
+    GivenVolume: TypeAlias = Reconstruction | DataArray | NDArray | "Volume" | str | os.PathLike
 
 
 class Volume(NamedTuple):

@@ -45,7 +45,7 @@ def isosurface(data: NDArray, grid: VoxelGrid, level: float) -> Triangles:
 
     padded = np.pad(np.asarray(data, np.float32), 1)
     # Open3D names the first array axis z and returns (x, y, z): it gets the transposed array.
-    tensor = o3d.core.Tensor(np.ascontiguousarray(padded.transpose(2, 1, 0)))
+    tensor = o3d.core.Tensor.from_numpy(np.ascontiguousarray(padded.transpose(2, 1, 0)))
     surface = o3d.t.geometry.TriangleMesh.create_isosurfaces(tensor, [float(level)])
     index = surface.vertex.positions.numpy().astype(np.float64) - 1  # in voxels from the origin
     vertices = grid.origin + index * grid.spacing

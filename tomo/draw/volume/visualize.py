@@ -49,8 +49,9 @@ def visualize_volume(
     if suffix == ".png":
         from tomo.draw.volume.volume_picture import write_volume_picture
 
-        units = {"length_unit": unit, "value_unit": value_unit}
-        write_volume_picture(path, own.data, own.grid, **units, title=title)
+        write_volume_picture(
+            path, own.data, own.grid, length_unit=unit, value_unit=value_unit, title=title
+        )
         return
     from tomo.draw.rig.rig_scene import volume_scene
     from tomo.draw.volume.isosurface import isosurface_scene

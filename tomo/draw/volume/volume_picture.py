@@ -117,10 +117,25 @@ def draw_volume(
 
 
 def write_volume_picture(
-    path: str | os.PathLike, data: NDArray, grid: VoxelGrid, **how: object
+    path: str | os.PathLike,
+    data: NDArray,
+    grid: VoxelGrid,
+    *,
+    length_unit: str = "mm",
+    value_unit: str = "",
+    title: str = "",
+    supersample: int = 3,
 ) -> None:
     """Write `draw_volume`'s figure as a PNG file."""
-    save_figure(draw_volume(data, grid, **how), path)
+    figure = draw_volume(
+        data,
+        grid,
+        length_unit=length_unit,
+        value_unit=value_unit,
+        title=title,
+        supersample=supersample,
+    )
+    save_figure(figure, path)
 
 
 def _block(
