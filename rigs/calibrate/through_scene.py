@@ -127,7 +127,7 @@ def adjust_through(
 def looked_through(adjusted: Adjusted, cameras: int) -> list[list[str]]:
     """Return the names of the solids that each camera sees the target through."""
     bending, routes = _refraction(adjusted.scene), adjusted.arrays.routes
-    assert routes is not None  # every ray through a scene has one
+    assert routes is not None  # `_through` found them
     found = []
     for camera in range(cameras):
         own = np.unique(routes[(adjusted.arrays.camera == camera) & adjusted.used])

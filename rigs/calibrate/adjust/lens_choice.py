@@ -141,7 +141,7 @@ def choose(
         is_better = gain.mean() > standard_errors * error
         if is_better and covers_image(solution.scene.lenses[0], image_size):
             best, best_score = (terms, solution), score
-    assert best is not None  # a lens without terms needs less than its frames do for their poses
+    assert best is not None  # `lens_alone` has images enough for a lens without terms
     return best
 
 

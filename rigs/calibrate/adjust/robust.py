@@ -59,6 +59,8 @@ def adjust_robustly(
         scene = solution.scene
         before, sigma = sigma, noise(solution.residuals, observations.camera, cameras)
         steps += 1
-        is_settled = (np.abs(sigma - before) <= 0.02 * before)[np.isfinite(sigma)].all()
-        if steps == _ITERATIONS or (steps > 1 and is_settled):
+        seen = np.isfinite(sigma)
+        if steps == _ITERATIONS:
+            return solution
+        if steps > 1 and (np.abs(sigma - before) <= 0.02 * before)[seen].all():
             return solution

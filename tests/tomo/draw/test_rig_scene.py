@@ -119,6 +119,17 @@ def test_empty_rig_and_volume_without_grid_are_refused():
         rig_scene(Rig((camera(),)), volume=np.zeros((2, 2, 2)))
 
 
+class Ring:
+    """A solid of a user's own."""
+
+    name, material = "ring", Opaque()
+
+
+def test_a_solid_of_another_type_is_not_drawn_and_says_so():
+    with pytest.raises(ValueError, match="solid ring: found Ring, expected a Window"):
+        triangles_of(Ring(), 100.0)
+
+
 @pytest.mark.parametrize(
     "solid",
     [
