@@ -70,8 +70,7 @@ def _cuts(
     unit = box.direction / np.where(norm == 0, 1.0, norm)  # zero: too short to move at all
     start = box.position - unit - np.asarray(shape) / 2  # one voxel outside
     lines = np.concatenate([start, unit], axis=1).astype(np.float32)
-    # Open3D's stubs know no arrays of float32
-    hits = scene.list_intersections(open3d.core.Tensor(lines))  # type: ignore[call-overload]
+    hits = scene.list_intersections(open3d.core.Tensor.from_numpy(lines))
     axis = np.repeat(np.arange(3), [n - 1 for n in shape])  # of each plane
     coordinate = np.concatenate([np.arange(1, n) for n in shape])
     pierced = np.zeros((len(unit), len(axis)), bool)  # a diagonal's second hit changes nothing
@@ -120,8 +119,9 @@ def trace(
     if len(triangles) == 0:  # a single voxel: Open3D refuses an empty mesh
         vertices = np.full((3, 3), 2.0 * OVERHANG, np.float32)
         triangles = np.array([[0, 1, 2]], np.uint32)
-    corners = open3d.core.Tensor(vertices)  # type: ignore[call-overload]
-    scene.add_triangles(corners, open3d.core.Tensor(triangles))  # type: ignore[call-overload]
+    scene.add_triangles(
+        open3d.core.Tensor.from_numpy(vertices), open3d.core.Tensor.from_numpy(triangles)
+    )
 
     whole = enter_box(rays, grid)
     crossing = np.flatnonzero(whole.length > 0)
