@@ -6,17 +6,20 @@ import pickletools
 import zipfile
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar, overload
 
 import torch
 
 from rigs.files import atomic_path
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from tomo.wernet.default import CorrectionEncoder
-from tomo.wernet.paper import WeightEncoder
+from tomo.wernet.default.correction import CorrectionEncoder
+from tomo.wernet.paper.encoder import WeightEncoder
 
 _FORMAT, _VERSION = "wernet-encoder", 2
-_KINDS = {"weights": WeightEncoder, "correction": CorrectionEncoder}
+_KINDS: dict[str, type[WeightEncoder] | type[CorrectionEncoder]] = {
+    "weights": WeightEncoder,
+    "correction": CorrectionEncoder,
+}
 """The paper's encoder, which gives weights, and the default one, which corrects lengths."""
 
 _TENSOR_PARTS = (
@@ -30,6 +33,7 @@ _TENSOR_PARTS = (
 accepted."""
 
 Encoder = WeightEncoder | CorrectionEncoder
+Kind = TypeVar("Kind", bound=Encoder)
 
 
 def save_encoder(encoder: Encoder, path: str | Path) -> None:
@@ -54,6 +58,10 @@ def save_encoder(encoder: Encoder, path: str | Path) -> None:
         torch.save(content, temporary)
 
 
+@overload
+def load_encoder(path: str | Path, kind: None = None) -> Encoder: ...
+@overload
+def load_encoder(path: str | Path, kind: type[Kind]) -> Kind: ...
 def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder:
     """Read an encoder that `save_encoder` wrote; code in the file is never run.
 
@@ -91,8 +99,8 @@ def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder
 
 
 def rebuilt(
-    kind: type[Encoder], settings: Mapping[str, Any], state: Mapping[str, torch.Tensor]
-) -> Encoder:
+    kind: type[Kind], settings: Mapping[str, Any], state: Mapping[str, torch.Tensor]
+) -> Kind:
     """Return the encoder of settings and tensors that were read from a file.
 
     Raises

@@ -98,10 +98,10 @@ class Checkpoint:
         """Return the checkpoint of a problem; None without a path."""
         if path is None:
             return None
-        images = zlib.crc32(np.ascontiguousarray(measured))
+        images = zlib.crc32(np.ascontiguousarray(measured).data)
         rays = 0
         for part in projector.arrays:
-            rays = zlib.crc32(np.ascontiguousarray(part), rays)
+            rays = zlib.crc32(np.ascontiguousarray(part).data, rays)
         own = {key: value for key, value in settings.items() if key != "device"}
         return cls(Path(path), f"{projector.shape} {images:08x} {rays:08x} {own}")
 

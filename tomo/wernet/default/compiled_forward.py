@@ -35,7 +35,9 @@ def compiled_corrections(
 
     Features whose weights are zero are skipped.
     """
-    kernels = [_numbers(layer.weight) for layer in encoder.hidden]  # (out, in, 3)
+    layers = [map(_numbers, layer.parameters()) for layer in (*encoder.hidden, encoder.last)]
+    *hidden, (last, last_bias) = ((kernel, bias) for kernel, bias in layers)
+    kernels = [kernel for kernel, _ in hidden]  # (out, in, 3)
     used = np.flatnonzero(kernels[0].any(axis=(0, 2)))
     kernels[0] = kernels[0][:, used]
     widest = max(len(used), encoder.channels)
@@ -54,9 +56,9 @@ def compiled_corrections(
         np.float32(spacing.log().mean().exp().item()),
         used,
         weight,
-        np.stack([_numbers(layer.bias) for layer in encoder.hidden]),
-        _numbers(encoder.last.weight)[0],  # (channels, 3)
-        np.float32(encoder.last.bias.item()),
+        np.stack([bias for _, bias in hidden]),
+        last[0],  # (channels, 3)
+        last_bias[0],
         _numbers(view_parameters.embedding),
         _numbers(view_parameters.coefficients),
         _numbers(view_parameters.log_gain),

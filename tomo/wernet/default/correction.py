@@ -46,8 +46,8 @@ class CorrectionEncoder(nn.Module):
             for before, after in pairwise(widths)
         )
         self.last = seeded_convolution(widths[-1], 1, True, generator)
-        nn.init.zeros_(self.last.weight)
-        nn.init.zeros_(self.last.bias)
+        for parameter in self.last.parameters():
+            nn.init.zeros_(parameter)
 
     @property
     def settings(self) -> dict[str, int]:
@@ -57,7 +57,7 @@ class CorrectionEncoder(nn.Module):
     @property
     def is_zero(self) -> bool:
         """Whether it gives no correction for any features, as before training."""
-        return not (self.last.weight.any() or self.last.bias.any())
+        return not any(parameter.any() for parameter in self.last.parameters())
 
     def show_only(self, names: Sequence[str]) -> None:
         """Hide all features but these: their weights are set to zero and not trained.
@@ -70,7 +70,7 @@ class CorrectionEncoder(nn.Module):
             Some of `tomo.wernet.default.ray_features.FEATURES`.
         """
         hidden = [number for number, name in enumerate(FEATURES) if name not in names]
-        weight = self.hidden[0].weight
+        weight, _ = self.hidden[0].parameters()
         with torch.no_grad():
             weight[:, hidden] = 0
 
@@ -99,11 +99,11 @@ class CorrectionEncoder(nn.Module):
         """
         x = features
         for number, layer in enumerate(self.hidden):
-            x = packed_convolution(x, layer.weight, layer.bias)
+            x = packed_convolution(x, *layer.parameters())
             if number == 0 and embedding is not None:
                 x = x + embedding
             x = functional.leaky_relu(x, SLOPE) * mask
-        return packed_convolution(x, self.last.weight, self.last.bias)[:, 0]
+        return packed_convolution(x, *self.last.parameters())[:, 0]
 
 
 class ViewParameters(nn.Module):

@@ -207,14 +207,13 @@ class _Means:
         total = np.bincount(group, self.light, count)
         fraction = total / total.sum()
 
-        def mean(values: NDArray | None) -> NDArray | None:
-            if values is None:
-                return None
+        def mean(values: NDArray) -> NDArray:
             sums = np.bincount(group, self.light * values, count)
             enough = fraction >= FAINTEST
             return np.where(enough, sums / np.where(enough, total, 1), np.nan)
 
-        return mean(self.ratio), mean(self.truth), fraction
+        truth = None if self.truth is None else mean(self.truth)
+        return mean(self.ratio), truth, fraction
 
     def profile(
         self, quantity: str, unit: str, values: NDArray, ends: tuple[float, float], bins: int
@@ -252,8 +251,8 @@ def _columns(
         nonempty = nonempty[drawn[:enough].sort().values]
     described, segments, views = [], [], []
     for rays in nonempty.split(_RAYS_AT_ONCE):
-        packing, numbers = features.packed(rays, upstream)
-        described.append(numbers)
+        packing, rows = features.packed(rays, upstream)
+        described.append(rows)
         segments.append(packing.segment)
         views.append(packing.per_segment(features.view[rays]))
     numbers = dict(zip(FEATURES, torch.cat(described).numpy().T, strict=True))
@@ -274,7 +273,7 @@ def _columns(
 
 def _end(values: NDArray) -> float:
     """Return the upper end of a quantity that starts at zero."""
-    return max(float(values.max()), np.finfo(np.float32).tiny)
+    return max(float(values.max()), float(np.finfo(np.float32).tiny))
 
 
 def _ratio(weight: NDArray, length: NDArray) -> NDArray[np.float64]:

@@ -15,7 +15,7 @@ from tomo._compute.reductions import dot, norm
 from tomo.measurement.pixel_noise import noise_from_differences
 from tomo.operators import GaussianBasis
 from tomo.selection import Choice, solve_as_chosen
-from tomo.solvers import cgls
+from tomo.solvers.cgls import cgls
 from tomo.wernet.default.correction import ViewParameters
 from tomo.wernet.default.patches import Patches
 from tomo.wernet.default.ray_features import RayFeatures

@@ -104,8 +104,8 @@ class OuterIterations:
         """The present voxels, (unknowns,)."""
         return self.lengths.volume if self.volume is None else self.volume
 
-    def find_terms(self) -> bool:
-        """Find the global terms, and the views' gains; return whether there are any."""
+    def find_terms(self) -> Judged | None:
+        """Find the global terms, and the views' gains; return the solve with them, if any."""
         features, how = (
             self.training.features,
             (self.choice, self.pixels.unit, lambda: self.lengths),
@@ -113,15 +113,15 @@ class OuterIterations:
         candidates = {*range(len(TERMS)), GAINS}
         parameters, self.last = fit_parametric_terms(self.pixels, features, *how, candidates)
         self.residual = self.pixels.residual(self.last)
-        if parameters is None:
-            return False
+        if parameters is None or self.last is None:
+            return None
         self.has_terms = True
         self.training.view_parameters.copy_terms(parameters)
         before = self.last.volume if self.volume is None else self.volume
         self.best = JudgedWeights(0, self.last.errors, self._ray_weights(before))
         if self.volume is None:
             self.volume = self.last.volume
-        return True
+        return self.last
 
     def iterate(self, *, train: bool = True) -> float:
         """Learn and solve once more; return the training's residual, NaN where it diverged."""

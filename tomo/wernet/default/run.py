@@ -22,7 +22,7 @@ class Record:
     def __init__(self, callback: Callback | None) -> None:
         self.began, self.callback = time.perf_counter(), callback
         self.history: list[Iteration] = []
-        self.volume: NDArray[np.float32] | None = None
+        self.volume = np.zeros(0, np.float32)  # the last; none yet
 
     def add(self, index: int, volume: NDArray[np.float32], residual: float) -> bool:
         """Add a volume (unknowns,); return whether the callback stops the run."""
@@ -45,14 +45,14 @@ def run(
     It goes on from ``state``, where there is one, unless nothing is to be learned. ``terms`` says
     whether parametric terms and the views' gains are looked for.
     """
-    if state is not None and not outer.stop_reason:
+    if saved and state is not None and not outer.stop_reason:
         with saved.damages():
             outer.restore(state)
     elif terms and outer.limit and not outer.stop_reason:
         found = outer.find_terms()
         if saved:
             saved.save(outer.state())
-        if found and record.add(1, outer.last.volume, outer.last.training_residual):
+        if found and record.add(1, found.volume, found.training_residual):
             outer.stop_reason = "stopped by the callback after the parametric terms"
     blurred = outer.projector.basis == VOXEL and not outer.projector.rows_are_single_rays
     if blurred and train and not outer.stop_reason:
@@ -63,7 +63,7 @@ def run(
             break
         if saved and train:
             saved.save(outer.state())
-        if record.add(outer.done + outer.has_terms, outer.volume, residual):
+        if record.add(outer.done + outer.has_terms, outer.voxels, residual):
             outer.stop_reason = f"stopped by the callback after outer iteration {outer.done}"
 
 

@@ -112,9 +112,10 @@ def fit_parametric_terms(
     held, stride = (pixels.held, stride) if single else (None, 1)
     scale = features.image_scale
     subset = PixelSubset.of(projector, pixels.measured, stride, unit, scale, held)
-    best, chosen, judged = ViewParameters(projector.n_views, 1), (), None
+    best = ViewParameters(projector.n_views, 1)
+    chosen: tuple[int, ...] = ()
+    judged = tried = None
     now = subset.linearise(best, choice, volume)
-    tried = None
     while promising := _promising(now, best, chosen, candidates):
         judged, fits = judged or lengths(), []
         for terms in promising:
@@ -158,7 +159,7 @@ def _promising(
                 return True
         return False
 
-    alone = [(term,) for term in sorted(candidates) if promises(term)]
+    alone: list[tuple[int, ...]] = [(term,) for term in sorted(candidates) if promises(term)]
     pairs = itertools.combinations(sorted(candidates - {GAINS}), 2)
     return alone or [pair for pair in pairs if promises(*pair)]
 
@@ -231,4 +232,4 @@ def _gauss_newton(
             normal[i, j] = dot(column, other)
     least = 1e-30 * float(normal.diagonal().max()) or 1.0  # a dark view leaves a row of zeros
     ridge = max(float(np.mean(residual**2)) / PRIOR**2, least)
-    return np.linalg.solve(normal + ridge * np.eye(n + views), right)
+    return np.asarray(np.linalg.solve(normal + ridge * np.eye(n + views), right), np.float64)

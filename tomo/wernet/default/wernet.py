@@ -125,9 +125,10 @@ def wernet(
     views = len(projector.views_with_pixels)
     many = views > FEW_VIEWS
     features = RayFeatures.of(projector, place, per_view=many)
+    limit = 0 if freeze_encoder else int(iterations)
     settings = {
         "method": "wernet",
-        "iterations": 0 if freeze_encoder else int(iterations),
+        "iterations": limit,
         "start": start is not None,
         "weighted": weights is not None,
         "encoder": _name(encoder),
@@ -163,7 +164,7 @@ def wernet(
             measured,
             own,
             view_parameters,
-            iterations=max(settings["iterations"], 1),
+            iterations=max(limit, 1),
             seed=seed,
             map_chunks=map_chunks,
             per_view=many,
@@ -173,7 +174,7 @@ def wernet(
             pixels,
             training,
             baseline,
-            limit=settings["iterations"],
+            limit=limit,
             volume=None if start is None else additive_start(projector, start, nonnegative=True),
             stop_reason=stop_reason or _nothing_to_learn(pixels, views, baseline),
         )
@@ -205,7 +206,7 @@ def _name(encoder: str | Path | CorrectionEncoder | None) -> str | None:
     """Return the file of a given encoder for the record of settings."""
     if isinstance(encoder, CorrectionEncoder):
         return "in memory"
-    return encoder and str(encoder)
+    return None if encoder is None else str(encoder)
 
 
 def _solution(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from itertools import pairwise
+from itertools import pairwise, zip_longest
 
 import torch
 from torch import nn
@@ -23,6 +23,8 @@ class _MaskedBatchNorm(nn.Module):
 
     def __init__(self, channels: int, momentum: float = 0.1, epsilon: float = 1e-5):
         super().__init__()
+        self.running_mean: torch.Tensor
+        self.running_var: torch.Tensor
         self.momentum, self.epsilon = momentum, epsilon
         self.weight = nn.Parameter(torch.ones(channels))
         self.bias = nn.Parameter(torch.zeros(channels))
@@ -153,13 +155,13 @@ class WeightEncoder(nn.Module):
     def _packed(self, x: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return what the last convolution gives, ``(rows, 1)``."""
         empty = (mask[:, 0] == 0).nonzero()[:, 0]
-        for i, layer in enumerate(self.hidden):
-            x = packed_convolution(x, layer.weight, layer.bias)
-            if self.variant == "batch-norm":
-                x = self.norms[i].rectified(x, mask, empty)
+        for layer, norm in zip_longest(self.hidden, self.norms):
+            x = packed_convolution(x, *layer.parameters())
+            if isinstance(norm, _MaskedBatchNorm):
+                x = norm.rectified(x, mask, empty)
             else:
                 x = rectified(x, empty)
-        return packed_convolution(x, self.last.weight, self.last.bias)
+        return packed_convolution(x, *self.last.parameters())
 
     @property
     def couples_rays(self) -> bool:

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import torch
 from torch import nn
 
 from tomo.wernet.paper.encoder import WeightEncoder
-from tomo.wernet.paper.samples import PackedBatch, SampleBatch
+from tomo.wernet.paper.samples import PackedBatch, SampleBatch, Weigh
 
 
 class WERNet(nn.Module):
@@ -54,7 +52,7 @@ class WERNet(nn.Module):
         return batch.project(encoder, self.voxels, self.normalise_gradient)
 
 
-def _without_gradient(encoder: WeightEncoder) -> Callable[..., torch.Tensor]:
+def _without_gradient(encoder: WeightEncoder) -> Weigh:
     def weigh(features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         with torch.no_grad():
             return encoder(features, mask)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,11 +13,13 @@ from numpy.typing import ArrayLike
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.trace import Segments
 from tomo.wernet.packing import Packing
-from tomo.wernet.paper.encoder import WeightEncoder
 from tomo.wernet.paper.product import packed_sum, weighted_sum
 from tomo.wernet.ray_directions import ray_directions
 
 INPUTS = ("absolute", "relative")
+
+Weigh = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
+"""Weights of features and a mask: what `tomo.wernet.paper.WeightEncoder` does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class SampleBatch:
         return f"<SampleBatch: {rays} rays, padded to {width} segments>"
 
     def project(
-        self, encoder: WeightEncoder, voxels: torch.Tensor, normalise_gradient: bool = True
+        self, encoder: Weigh, voxels: torch.Tensor, normalise_gradient: bool = True
     ) -> torch.Tensor:
         """Return the rays' projections of ``voxels`` (voxels,) by the encoder's weights."""
         weights = encoder(self.features, self.mask)
@@ -80,7 +83,7 @@ class PackedBatch:
         return f"<PackedBatch: {len(self.measured)} rays, {len(self.voxel)} segments>"
 
     def project(
-        self, encoder: WeightEncoder, voxels: torch.Tensor, normalise_gradient: bool = True
+        self, encoder: Weigh, voxels: torch.Tensor, normalise_gradient: bool = True
     ) -> torch.Tensor:
         """Return the rays' projections of ``voxels`` (voxels,) by the encoder's weights."""
         weights = encoder(self.features, self.packing.mask)[self.packing.row]
@@ -218,8 +221,11 @@ class RaySamples:
 
     def to(self, device: torch.device | str) -> RaySamples:
         """Return the same samples on another device."""
-        tensors = {name: value for name, value in vars(self).items() if torch.is_tensor(value)}
-        return replace(self, **{name: value.to(device) for name, value in tensors.items()})
+        moved: dict[str, Any] = {
+            name: value.to(device) if torch.is_tensor(value) else value
+            for name, value in vars(self).items()
+        }
+        return RaySamples(**moved)
 
     def packed(self, rays: torch.Tensor) -> PackedBatch:
         """Return the rays numbered ``rays`` ``(B,)``, in ``0 .. len(self) - 1``."""
