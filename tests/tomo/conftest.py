@@ -16,6 +16,7 @@ from tomo.operators import Projector
 from tomo.rays import Rays
 from tomo.series import SeriesStore
 from tomo.series.solving import SKIPPED, FrameResult
+from tomo.series.store import CAMERA_FIGURES
 from tomo.trace import Segments, trace
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -134,7 +135,8 @@ def filled(attributes):
                 "ssim": {"right": 0.95},
             }
             own |= {name: values[place] for name, values in figures.items()}
-            results.append(FrameResult(None, None, own))
+            by_camera = {name: own.pop(name) for name in CAMERA_FIGURES if name in own}
+            results.append(FrameResult(None, None, own, by_camera))
         store.finish(range(count), results)
         return store
 

@@ -27,7 +27,10 @@ from tomo.cli.outputs import check_output_pictures
 if TYPE_CHECKING:
     from rich.table import Table
 
+    from rigs import Rig
     from rigs.check.result import RigCheck
+    from tomo.grid.voxel_grid import VoxelGrid
+    from tomo.operators.memory import MemoryNeed
     from tomo.operators.timing import Effort
 
 EXAMPLES = """
@@ -82,8 +85,7 @@ def check_rig(
             )
         if pattern is not None and images is None:
             raise ValueError("--pattern: expected --images with it")
-        is_given = pixel_accuracy is not None
-        if is_given and not (math.isfinite(pixel_accuracy) and pixel_accuracy > 0):
+        if pixel_accuracy is not None and not 0 < pixel_accuracy < math.inf:
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
             )
@@ -127,7 +129,7 @@ def check_rig(
         print_json(_report(check, need, effort, iterations, why, out))
 
 
-def _effort(rig: object, voxels: object, is_timed: bool) -> tuple:
+def _effort(rig: Rig, voxels: VoxelGrid, is_timed: bool) -> tuple[MemoryNeed, Effort | None, str]:
     """Return the memory needed, the time measured, and why there is none."""
     from tomo.operators import estimate_memory
     from tomo.operators.timing import estimate_effort
@@ -157,7 +159,7 @@ def _table(check: RigCheck) -> Table:
         table.add_column(title, justify="right" if column else "left", vertical="bottom")
     for row in content.rows:
         table.add_row(
-            *row, style={"fault": "red", "warning": "yellow"}.get(levels.get(row[0]), "")
+            *row, style={"fault": "red", "warning": "yellow"}.get(levels.get(row[0], ""), "")
         )
     return table
 
@@ -170,7 +172,7 @@ def _say_finding(level: str, cameras: tuple[str, ...], text: str) -> None:
     say(f"{level}: {who}{text}", style)
 
 
-def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> str:
+def _costs(need: MemoryNeed, effort: Effort | None, iterations: int, why: str) -> str:
     """Return memory and time in words."""
     from rigs.check.words import short
 
@@ -187,7 +189,7 @@ def _costs(need: object, effort: Effort | None, iterations: int, why: str) -> st
 
 def _report(
     check: RigCheck,
-    need: object,
+    need: MemoryNeed,
     effort: Effort | None,
     iterations: int,
     why: str,

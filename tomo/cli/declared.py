@@ -30,7 +30,8 @@ def with_options_of(declared: type) -> Callable[[Callable[..., None]], Callable[
         types = get_type_hints(declared)
         made = [_parameter(field, types[field.name]) for field in dataclasses.fields(declared)]
         parameters = [*first, *made, *last]
-        function.__signature__ = signature.replace(parameters=parameters)
+        made_anew = signature.replace(parameters=parameters)
+        function.__signature__ = made_anew  # type: ignore[attr-defined]  # read by inspect
         function.__annotations__ = {one.name: one.annotation for one in parameters}
         return function
 

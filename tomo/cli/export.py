@@ -53,7 +53,7 @@ def export(
         places = slices_of(frames, opened.n_frames)
         check_output_folder(out.parent)
         written = export_series(opened, out, to, places, progress=True)
-    numbers = opened.group["frame"][:]
+    numbers = opened.values("frame")
     left_out = [int(numbers[place]) for place in places if opened.skipped[place]]
     count = len(places) - len(left_out)
     say(f"{written}: {count} frames of {store}")

@@ -65,7 +65,8 @@ def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
         raise ValueError(
             f"{option}: found {text!r}, expected three counts like 30x140x30, below 10^9"
         )
-    return tuple(int(n) for n in match.groups())
+    nx, ny, nz = map(int, match.groups())
+    return nx, ny, nz
 
 
 def parse_triple(text: str, option: str) -> tuple[float, float, float]:
@@ -73,7 +74,8 @@ def parse_triple(text: str, option: str) -> tuple[float, float, float]:
     numbers = _numbers(text)
     if numbers is None or len(numbers) != 3:
         raise ValueError(f"{option}: found {text!r}, expected three numbers like -1.5,0,2")
-    return tuple(numbers)
+    x, y, z = numbers
+    return x, y, z
 
 
 def parse_spacing(text: str, option: str = "--spacing") -> tuple[float, float, float]:
@@ -81,7 +83,8 @@ def parse_spacing(text: str, option: str = "--spacing") -> tuple[float, float, f
     numbers = _numbers(text)
     if numbers is None or len(numbers) not in (1, 3) or min(numbers) <= 0:
         raise ValueError(f"{option}: found {text!r}, expected lengths like 0.5 or 0.5,0.5,1")
-    return tuple(numbers * (3 // len(numbers)))
+    x, y, z = numbers * (3 // len(numbers))
+    return x, y, z
 
 
 def _numbers(text: str) -> list[float] | None:
@@ -109,25 +112,28 @@ def parse_grid(
     if lower is not None or upper is not None:
         given = {"--lower": lower, "--upper": upper, "--spacing": spacing, "--center": center}
         found = [name for name, value in given.items() if value is not None]
-        if found != ["--lower", "--upper"]:
+        if lower is None or upper is None or len(found) > 2:
             raise ValueError(
                 f"--lower and --upper: found {', '.join(found)}, expected both, with --grid's "
                 "counts and neither --spacing nor --center"
             )
-        shape = parse_grid_shape(shape) if shape else default and default.shape
-        if shape is None:
+        counts = parse_grid_shape(shape) if shape else default and default.shape
+        if counts is None:
             raise ValueError("--grid: found none, expected counts like 30x140x30")
         bounds = parse_triple(lower, "--lower"), parse_triple(upper, "--upper")
-        return VoxelGrid.from_bounds(shape, *bounds)
-    if default is None and (shape is None or spacing is None):
-        raise ValueError(
-            "--grid and --spacing: expected both, like --grid 30x140x30 --spacing 0.5, "
-            "as neither scan nor rig says where the volume is"
-        )
+        return VoxelGrid.from_bounds(counts, *bounds)
+    if default is None:
+        if not shape or not spacing:
+            raise ValueError(
+                "--grid and --spacing: expected both, like --grid 30x140x30 --spacing 0.5, "
+                "as neither scan nor rig says where the volume is"
+            )
+        place = parse_triple(center, "--center") if center else (0, 0, 0)
+        return VoxelGrid(parse_grid_shape(shape), parse_spacing(spacing), place)
     return VoxelGrid(
         parse_grid_shape(shape) if shape else default.shape,
         parse_spacing(spacing) if spacing else default.spacing,
-        parse_triple(center, "--center") if center else default.center if default else (0, 0, 0),
+        parse_triple(center, "--center") if center else default.center,
     )
 
 

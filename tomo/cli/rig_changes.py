@@ -7,12 +7,13 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar
+from typing import TYPE_CHECKING, Annotated, TypeVar
 
 import typer
 
 if TYPE_CHECKING:
     from rigs import Rig
+    from rigs.changes import ImageChange
 
 T = TypeVar("T")
 _PANEL = {"rich_help_panel": "Changes of the rig"}
@@ -91,15 +92,13 @@ class RigChanges:
         kept = self._kept(rig)
         if kept != rig.names:
             rig = with_cameras(rig, {name: name for name in kept})
-        asked = (
-            ("--crop", "crop", self.crop, _window),
-            ("--rotate", "degrees", self.rotate, _degrees),
-            ("--scale", "scale", self.scale, _factor),
-        )
-        changes: dict[str, ImageChange] = {}
-        for option, field, texts, parse in asked:
-            for name, value in _by_camera(rig, texts, option, parse).items():
-                changes[name] = replace(changes.get(name, ImageChange()), **{field: value})
+        windows = _by_camera(rig, self.crop, "--crop", _window)
+        degrees = _by_camera(rig, self.rotate, "--rotate", _degrees)
+        factors = _by_camera(rig, self.scale, "--scale", _factor)
+        changes = {
+            name: ImageChange(windows.get(name), degrees.get(name, 0), factors.get(name, 1.0))
+            for name in windows | degrees | factors
+        }
         notes = []
         if changes:
             before, rig = rig, with_images_changed(rig, changes)
@@ -134,7 +133,8 @@ def _by_camera(
     rig: Rig, texts: Sequence[str] | None, option: str, parse: Callable[[str, str], T]
 ) -> dict[str, T]:
     """Return values by camera: of ``CAMERA=VALUE``, or for all others of ``VALUE``."""
-    own, common = {}, {}
+    own: dict[str, T] = {}
+    common: dict[str, T] = {}
     for text in texts or ():
         name, is_own, value = text.rpartition("=")
         if is_own:
@@ -153,7 +153,8 @@ def _window(text: str, option: str) -> tuple[int, int, int, int]:
         raise ValueError(
             f"{option}: found {text!r}, expected pixels x,y,width,height like 0,8,64,48"
         )
-    return tuple(int(n) for n in text.split(","))
+    x, y, width, height = map(int, text.split(","))
+    return x, y, width, height
 
 
 def _degrees(text: str, option: str) -> int:
@@ -197,7 +198,7 @@ def _new_names(rig: Rig, texts: Sequence[str]) -> dict[str, str]:
     return names
 
 
-def _cut_sides(before: Rig, changes: dict[str, Any]) -> list[str]:
+def _cut_sides(before: Rig, changes: dict[str, ImageChange]) -> list[str]:
     """Return a note where shrinking leaves a part of a pixel over."""
     cut = []
     for name, change in changes.items():

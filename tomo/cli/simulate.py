@@ -23,6 +23,7 @@ from tomo.cli.inputs import (
 from tomo.cli.outputs import check_output_volume
 
 if TYPE_CHECKING:
+    from phantoms.field import Field
     from rigs import Rig
     from tomo.grid import VoxelGrid
     from tomo.scan import Scan
@@ -125,14 +126,15 @@ def simulate(
         from tomo.simulation.effects import OPTICS, Effects
         from tomo.simulation.film import FRAME_RATE
 
+        optics: float | str = 0.0 if aperture_rays in (None, 1) else OPTICS
         effects = Effects(
             gain_spread=gain_spread,
             absorption=absorption,
             self_absorption=self_absorption,
             vignetting=vignetting,
-            aperture=_one_of(aperture, 0.0 if aperture_rays in (None, 1) else OPTICS),
+            aperture=optics if aperture is None else aperture,
             focus_distance=focus_distance,
-            aperture_rays=_one_of(aperture_rays, Effects.aperture_rays),
+            aperture_rays=Effects.aperture_rays if aperture_rays is None else aperture_rays,
         )
         loaded, default = load_rig_and_grid(rig)
         if fresnel is not None:
@@ -158,10 +160,6 @@ def simulate(
             summary["grid"] = voxels.to_mapping()
     if json:
         print_json({**summary, "seconds": time.perf_counter() - started})
-
-
-def _one_of(asked: float | None, default: float | str) -> float | str:
-    return default if asked is None else asked
 
 
 def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:
@@ -191,7 +189,7 @@ def _read_volume(phantom: str, rig: Rig, spacing: str | None, center: str | None
     return read_volume_in(phantom, rig, spacing, center)
 
 
-def _field(phantom: str, volume: tuple | None, voxels: object, seed: int) -> object:
+def _field(phantom: str, volume: tuple | None, voxels: VoxelGrid, seed: int) -> Field:
     """Return the field; a named phantom is made for the box of the grid."""
     from phantoms import SampledField, create
 

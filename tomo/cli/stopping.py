@@ -39,7 +39,7 @@ def _stop(number: int, frame: object) -> None:
         remove_unfinished()
     with suppress(OSError):  # nobody reads stderr any more
         start = _SHOW_CURSOR if os.isatty(2) else ""
-        os.write(2, f"{start}{LINES[number]}\n".encode())
+        os.write(2, f"{start}{LINES[signal.Signals(number)]}\n".encode())
     os._exit(128 + number)
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperCommand
@@ -27,7 +27,10 @@ _METAVARS = {
 }
 """Values in the help, by the names of types that typer gives them."""
 
-UsageError = typer.BadParameter.__base__  # of typer's own or of click's, as the version has it
+if TYPE_CHECKING:
+    from typer._click.exceptions import UsageError
+else:
+    UsageError = typer.BadParameter.__base__  # typer's own or click's, as the version has it
 
 
 class OneLineUsage(TyperCommand):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -112,7 +112,10 @@ def visualize_rig(
     if difference is not None:
         _say_difference(difference, loaded.length_unit)
     if json:
-        result = {"files": [str(path) for path in out], "cameras": list(loaded.names)}
+        result: dict[str, Any] = {
+            "files": [str(path) for path in out],
+            "cameras": list(loaded.names),
+        }
         if difference is not None:
             result["difference"] = _plain(difference)
         print_json(result)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ from tomo.operators.system import Progress
 from tomo.series.store import SeriesStore
 
 if TYPE_CHECKING:
-    import zarr
+    pass
 
 LARGEST_CHUNK = 1 << 30
 """Bytes of a chunk of a file, at the most: HDF5 takes 4 GiB, readers hold a few in memory."""
@@ -50,12 +50,9 @@ class Frames:
         """Their numbers in the scan, ``(frames,)``."""
         return self.of("frame")
 
-    def _array(self, name: str) -> zarr.Array:
-        return cast("zarr.Array", self.store.group[name])
-
     def of(self, name: str) -> NDArray:
         """Return their part of an array of the store."""
-        return np.asarray(self._array(name)[:])[list(self.places)]
+        return self.store.values(name)[list(self.places)]
 
     def volumes(self, words: str = "") -> Iterator[NDArray[np.float32]]:
         """Yield their volumes ``(nx, ny, nz)``, one after the other."""
@@ -73,7 +70,7 @@ class Frames:
 
     def axis(self, name: str) -> tuple[NDArray[np.float64], str]:
         """Return the centres of voxels along ``x``, ``y`` or ``z``, and their unit."""
-        array = self._array(name)
+        array = self.store.array(name)
         return np.asarray(array[:]), str(array.attrs["units"])
 
     def about(self) -> dict[str, str]:

@@ -224,7 +224,10 @@ def data_range(scan: Scan, frame: str | None, images: Images) -> float:
 
 
 def system_apart(
-    apart: LinearSystem, built: WeightedSystem, volume: NDArray[np.float32], options: Options
+    apart: LinearSystem,
+    built: WeightedSystem,
+    volume: NDArray[np.float32] | None,
+    options: Options,
 ) -> LinearSystem:
     """Return the equations of cameras that took no part, as those that were solved.
 
@@ -234,7 +237,7 @@ def system_apart(
         In the voxel basis, in focus, through transparent gas; see `trace_apart`.
     built : WeightedSystem
         The equations that were solved.
-    volume : (nx, ny, nz) float32
+    volume : (nx, ny, nz) float32, optional
         The emission of gas that absorbs its own light.
     options : Options
     """

@@ -85,9 +85,12 @@ def on_cluster(workers: int | None = None, scheduler: str | None = None) -> Iter
     from tomo.series.on_worker import own_versions
 
     with ExitStack() as stack:
-        client = stack.enter_context(
-            _local(stack, workers) if workers is not None else _connected(scheduler)
-        )
+        if workers is not None:
+            client = _local(stack, workers)
+        else:
+            assert scheduler is not None
+            client = _connected(scheduler)
+        stack.enter_context(client)
         versions = own_versions()
         _check_versions(client, versions)
         yield partial(_run, client, versions)

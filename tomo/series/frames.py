@@ -47,9 +47,12 @@ def slices_of(text: str, count: int, named: Callable[[str], int] | None = None) 
     found: list[int] = []
     for part in (one.strip() for one in text.split(",")):
         match = _SLICE.fullmatch(part)
-        if match is None and named is None:
+        if match is not None:
+            found += _of_slice(match, part, count)
+        elif named is not None:
+            found.append(named(part))
+        else:
             raise ValueError(f"frames: found {part!r}, expected a slice like 0:1000:2")
-        found += _of_slice(match, part, count) if match else [named(part)]
     chosen = tuple(sorted(found))
     for one, other in itertools.pairwise(chosen):
         if one == other:

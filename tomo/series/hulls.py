@@ -110,7 +110,7 @@ def hull_of_frames(
             if pixels is None
             else [a | b for a, b in zip(pixels, own.pixels, strict=True)]
         )
-    if active is None:
+    if active is None or pixels is None:
         everything = [np.ones((c.image_size[1], c.image_size[0]), bool) for c in rig]
         return ActiveVoxels(grid) if otherwise is None else otherwise, everything
     return ActiveVoxels.from_mask(grid, active), list(pixels)

@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
+from typing import Literal, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -115,6 +116,10 @@ def naming(frame: str) -> Iterator[None]:
         raise UnreadableError(frame, error) from error
 
 
+@overload
+def read_frame(scan: Scan, place: int, skip_bad: Literal[False]) -> LoadedScan: ...
+@overload
+def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None: ...
 def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None:
     """Return a frame by its place in the scan; None where it cannot be read and may be left out.
 

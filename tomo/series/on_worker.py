@@ -35,9 +35,9 @@ class HeldPlan(WorkerPlugin):
     """
 
     def __init__(self, plan: Plan, store: SeriesStore, versions: Mapping[str, str]) -> None:
-        self._plan: bytes | Plan = pickled(plan)
+        self._packed = pickled(plan)
         self._path = store.path.absolute()
-        self._store: SeriesStore | None = None
+        self._held: tuple[Plan, SeriesStore, Claims] | None = None
         self._stamp = stamp_of(os.stat(self._path / "zarr.json"))
         self._versions = dict(versions)
 
@@ -52,9 +52,9 @@ class HeldPlan(WorkerPlugin):
 
     def teardown(self, worker: object) -> None:
         """Let the store and the plan go."""
-        if self._store is not None:
-            self._claims.__exit__(None, None, None)
-        self._plan = b""
+        if self._held is not None:
+            self._held[2].__exit__(None, None, None)
+        self._held, self._packed = None, b""
 
     def solve(self, block: range, wait: bool) -> bool:
         """Solve and write a block; return whether it is complete.
@@ -65,24 +65,24 @@ class HeldPlan(WorkerPlugin):
             If this worker has other versions, or sees another store or none.
         """
         with self._lock:
-            if self._store is None:
-                self._open()
+            if self._held is None:
+                self._held, self._packed = self._open(), b""
+            plan, store, claims = self._held
         bound_threads()
-        run_blocks(self._plan, self._store, self._claims, [block], wait, None)
-        return self._store.is_complete(block)
+        run_blocks(plan, store, claims, [block], wait, None)
+        return store.is_complete(block)
 
-    def _open(self) -> None:
+    def _open(self) -> tuple[Plan, SeriesStore, Claims]:
         check_versions(self._name, self._versions, own_versions())
         check_store(self._name, self._path, self._stamp, _stat(self._path / "zarr.json"))
-        self._plan = pickle.loads(self._plan)
-        store = SeriesStore(self._path)
-        self._claims = Claims(self._path)
-        self._store = store
+        return pickle.loads(self._packed), SeriesStore(self._path), Claims(self._path)
 
 
 def solve_block_of(name: str, start: int, stop: int, wait: bool) -> bool:
     """Solve a block by the plan of a name that this worker holds: the task of a cluster."""
-    return get_worker().plugins[name].solve(range(start, stop), wait)
+    plan = get_worker().plugins[name]
+    assert isinstance(plan, HeldPlan)
+    return plan.solve(range(start, stop), wait)
 
 
 def bound_threads() -> None:
@@ -92,13 +92,14 @@ def bound_threads() -> None:
     No other library's threads solve frames.
     """
     threads = int(os.environ.get("NUMBA_NUM_THREADS", "1"))
-    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+    most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]  # made as it is loaded
+    numba.set_num_threads(min(threads, most))
 
 
 class _Pickler(pickle.Pickler):
     """A pickler that makes paths absolute: workers may run in another folder."""
 
-    def reducer_override(self, value: object) -> object:
+    def reducer_override(self, value: object) -> tuple[type[Path], tuple[str]]:
         """Return how a path is made again; anything else as usual."""
         if isinstance(value, PurePath):
             return Path, (os.path.abspath(value),)

@@ -15,10 +15,10 @@ from tomo.pipeline.register import Registered
 from tomo.pipeline.report_json import plain
 from tomo.pipeline.screen import ScreenedScan
 from tomo.scan import Scan
-from tomo.selection import Choice
+from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
 from tomo.series.hulls import HullRule
-from tomo.series.temporal import with_neighbours
+from tomo.series.temporal import TemporalFilter, with_neighbours
 from tomo.series.temporal_choice import TemporalChoice
 from tomo.uncertainty import view_coverage
 
@@ -80,13 +80,13 @@ class Plan:
     temporal: TemporalChoice | None = None
 
     @property
-    def is_filtered(self) -> bool:
-        """Whether frames are filtered in time."""
-        return self.temporal is not None and self.temporal.filter is not None
+    def filter(self) -> TemporalFilter | None:
+        """How frames are filtered in time; None where each stands for itself."""
+        return None if self.temporal is None else self.temporal.filter
 
     def solved_with(self, block: range) -> range:
         """Return the places of the frames that a block is solved from: its own and neighbours."""
-        return with_neighbours(block, len(self.places)) if self.is_filtered else block
+        return block if self.filter is None else with_neighbours(block, len(self.places))
 
     @property
     def _coverage(self) -> dict[str, Any]:

@@ -147,7 +147,7 @@ def run_blocks(
             for place in plan.solved_with(block):
                 yield block, read(plan.places[place])
 
-    written: dict[range, list[FrameResult]] = {}
+    written: dict[range, list[tuple[int, FrameResult]]] = {}
 
     def write(item: tuple[range, int, FrameResult]) -> None:
         block, place, result = item
@@ -200,13 +200,14 @@ def solve_block(
     choice = plan.choice
     if choice is None and uses_choice(plan):
         choice = choose(plan, system, good[key])
-    if plan.is_filtered:
-        yield from solve_filtered(plan, system, key, own, good, choice)
+    if choice is not None and plan.filter is not None:
+        yield from solve_filtered(plan, system, key, own, good, choice, plan.filter)
         return
     first = solve_frame(plan, system, good[key], choice)
     yield key, first
+    results: Iterator[FrameResult]
     del good[key]
-    if choice is None:
+    if choice is None or first.unknowns is None:
         results = (solve_frame(plan, system, frame, None) for frame in good.values())
     else:
         results = solve_together(plan, system, list(good.values()), choice, first.unknowns)

@@ -44,7 +44,7 @@ def attributes_of_run(
         The frames, by their places in the scan.
     """
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
-    refining = ()
+    refining: tuple[int, ...] = ()
     if refines(options, cameras_to_refine(options, scan), len(places)):
         refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     return plain(

@@ -29,7 +29,8 @@ from tomo.pipeline.screen import screen
 from tomo.pipeline.solve import solve
 from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
-from tomo.selection import Choice, choose_by_left_out_pixels
+from tomo.selection import choose_by_left_out_pixels
+from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
 from tomo.series.cameras import refines, register_key_frames
 from tomo.series.frames import refining_places, spread
@@ -41,7 +42,6 @@ from tomo.series.images import (
     read_frame,
     readable,
     readable_keys,
-    reader_of,
     usable_in_all,
 )
 from tomo.series.plan import Plan
@@ -131,10 +131,11 @@ def make_plan(
         scale=options.fit_gain is not False,
     )
     frames = [images_of(one, screened) for one in loaded]
-    asked, tell, others = cameras_to_refine(options, scan), stage("where cameras look"), []
+    asked, tell = cameras_to_refine(options, scan), stage("where cameras look")
+    others: list[FrameImages] = []
     if refines(options, asked, len(places)):
         refining = readable(scan, refining_places(places, options), places, options.skip_bad)
-        others = list(map(reader_of(scan, screened), refining))
+        others = [images_of(read_frame(scan, place, False), screened) for place in refining]
     registered = register_key_frames(screened, frames, others, grid, options, asked, tell)
     stage("carving")
     noise = noise_of_frames(frames)
@@ -152,12 +153,12 @@ def make_plan(
     if apart is not None:
         apart = system_apart(apart, explained.built, emission, options)
     system = BlockSystem(explained.built, apart, registered.active, tuple(registered.masks))
-    records = screened.record, registered.record, traced.record, built.record, explained.record
-    records += (read_reference(scan, grid, scan.frames[keys[0]].name).record,)
+    truth = read_reference(scan, grid, scan.frames[keys[0]].name)
+    done = (screened, registered, traced, built, explained, truth)
     plan = Plan(
         scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
         emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
-        (*doubts, *scan.remarks, *(line for one in records for line in one.warnings)),
+        (*doubts, *scan.remarks, *(line for one in done for line in one.record.warnings)),
         explained.report,
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:
@@ -167,8 +168,9 @@ def make_plan(
         choose(plan, system, frame, stage(f"smoothness {number} of {len(telling)}"))
         for number, frame in enumerate(telling, 1)
     )
-    plan = replace(plan, choices=choices, choice=middle(choices))
-    return replace(plan, temporal=settle_filter(plan, stage))
+    choice = middle(choices)
+    plan = replace(plan, choices=choices, choice=choice)
+    return replace(plan, temporal=settle_filter(plan, choice, stage))
 
 
 def choose(

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +19,8 @@ from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
 from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View, quality
 from tomo.radiometry.units import unit_of_total
-from tomo.selection import Choice, solve_as_chosen, solve_several_smoothly
+from tomo.selection import solve_as_chosen, solve_several_smoothly
+from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
@@ -39,7 +41,9 @@ class FrameResult:
     unknowns : (unknowns,) float32, optional
         The solution itself, from which other frames of the block start.
     figures : mapping
-        Name to a number, or to a mapping from camera to a number.
+        Name to a number.
+    by_camera : mapping
+        Name to a number for each camera.
     warnings : tuple of str
     skipped : bool
         Whether the frame could not be read; everything else is then empty.
@@ -47,7 +51,8 @@ class FrameResult:
 
     volume: NDArray[np.float32] | None
     unknowns: NDArray[np.float32] | None
-    figures: dict[str, float | dict[str, float]]
+    figures: Mapping[str, float]
+    by_camera: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     skipped: bool = False
 
@@ -77,6 +82,12 @@ def solve_frame(
     return compared(plan, system, frame, found, unknowns, began)
 
 
+@overload
+def solved_alone(plan: Plan, built: WeightedSystem, choice: None) -> tuple[Solved, None]: ...
+@overload
+def solved_alone(
+    plan: Plan, built: WeightedSystem, choice: Choice
+) -> tuple[Solved, NDArray[np.float32]]: ...
 def solved_alone(
     plan: Plan, built: WeightedSystem, choice: Choice | None
 ) -> tuple[Solved, NDArray[np.float32] | None]:
@@ -134,8 +145,10 @@ def solved_together(
     began, options, projector = time.perf_counter(), plan.options, built[0].system.projector
     measured = np.stack([one.measured for one in built], axis=1)  # (pixels, frames)
     weights = None
-    if built[0].weights is not None:
-        weights = np.stack([one.weights for one in built], axis=1)
+    if any(one.weights is not None for one in built):  # a dim frame has none: its pixels are alike
+        alike = np.ones(len(measured), np.float32)
+        each = [alike if one.weights is None else one.weights for one in built]
+        weights = np.stack(each, axis=1)
     start, dark = starts_from(projector, measured, key)
     iterations = options.iterations or shortened(choice).iterations
     found = solve_several_smoothly(
@@ -173,19 +186,19 @@ def compared(
 ) -> FrameResult:
     """Return the volume with its figures, seen through gas of its own emission where that is."""
     solved = with_own_absorption(solved, plan.options)
-    figures = _figures(plan, system, frame, solved)
+    figures, by_camera = _figures(plan, system, frame, solved)
     figures["seconds"] = time.perf_counter() - began
-    return FrameResult(solved.solution.volume, unknowns, figures, frame.warnings)
+    return FrameResult(solved.solution.volume, unknowns, figures, by_camera, frame.warnings)
 
 
 def _figures(
     plan: Plan, system: BlockSystem, frame: FrameImages, solved: Solved
-) -> dict[str, float | dict[str, float]]:
-    """Return the figures of a volume: its total, and its images against those recorded."""
+) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
+    """Return the figures of a volume, such as its total, and those of its images by camera."""
     built, volume = solved.built, solved.solution.volume
     views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks, built.gains)
     views = [replace(view, noise=one) for view, one in zip(views, plan.noise, strict=True)]
-    apart = []
+    apart: list[View] = []
     if system.apart is not None:
         other = system.apart
         if built.absorption.emission:
@@ -196,16 +209,18 @@ def _figures(
     if light is not None:
         _, per_total = unit_of_total(light.value_unit, plan.scan.rig.length_unit)
     alike = {view.name: view.similarity(plan.data_range) for view in held_out}
-    return {
+    figures = {
         "relative_residual": _relative_residual(views),
         "total_emission": total(volume, plan.grid) * per_total,
+        **_against_the_truth(plan, frame, volume),
+    }
+    return figures, {
         "view_residual": {view.name: view.relative_residual for view in [*views, *apart]},
         "view_gain": {view.name: view.gain for view in [*views, *apart]},
         "view_light": {view.name: view.light for view in [*views, *apart]},
         "view_beyond_noise": {view.name: view.beyond_noise for view in [*views, *held_out]},
         "psnr": {name: each["psnr"] for name, each in alike.items()},
         "ssim": {name: each.get("ssim", math.nan) for name, each in alike.items()},
-        **_against_the_truth(plan, frame, volume),
     }
 
 

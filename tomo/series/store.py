@@ -88,9 +88,8 @@ class SeriesStore:
         if self.attributes.get("version") != VERSION:
             found = self.attributes.get("version")
             raise ValueError(f"{self.path}: version: found {found!r}, expected {VERSION}")
-        missing = [name for name in _NAMES if name not in self.group]
-        if missing:
-            raise ValueError(f"{self.path}: {missing[0]}: found no such array, expected one")
+        for name in _NAMES:
+            self.array(name)
 
     def __repr__(self) -> str:
         return f"SeriesStore({str(self.path)!r})"
@@ -128,6 +127,23 @@ class SeriesStore:
                     raise
         return cls(path)
 
+    def array(self, name: str) -> zarr.Array:
+        """Return one of the arrays, unread.
+
+        Raises
+        ------
+        ValueError
+            If there is none of that name.
+        """
+        found = self.group.get(name)
+        if not isinstance(found, zarr.Array):
+            raise ValueError(f"{self.path}: {name}: found no such array, expected one")
+        return found
+
+    def values(self, name: str) -> NDArray:
+        """Return the numbers of an array of that name, such as ``frame`` or a figure."""
+        return np.asarray(self.array(name)[:])
+
     @property
     def grid(self) -> VoxelGrid:
         """The grid of the volumes."""
@@ -136,22 +152,22 @@ class SeriesStore:
     @property
     def n_frames(self) -> int:
         """Frames that the store is for."""
-        return self.group["emission"].shape[0]
+        return self.array("emission").shape[0]
 
     @property
     def complete(self) -> NDArray[np.bool_]:
         """Which frames have a volume, ``(frames,)``."""
-        return self.group["complete"][:] == COMPLETE
+        return self.values("complete") == COMPLETE
 
     @property
     def skipped(self) -> NDArray[np.bool_]:
         """Which frames could not be read and were left out, ``(frames,)``."""
-        return self.group["complete"][:] == LEFT_OUT
+        return self.values("complete") == LEFT_OUT
 
     @property
     def finished(self) -> bool:
         """Whether nothing is left to do: every frame is complete or was left out."""
-        return bool(self.group["complete"][:].all())
+        return bool(self.values("complete").all())
 
     def done(self) -> str:
         """Return in words how many frames are complete, for messages of a run that ends early."""
@@ -159,7 +175,7 @@ class SeriesStore:
 
     def is_complete(self, block: range) -> bool:
         """Return whether nothing is left to do of a block."""
-        return bool(self.group["complete"][block.start : block.stop].all())
+        return bool(np.all(self.array("complete")[block.start : block.stop]))
 
     def volume(self, place: int) -> NDArray[np.float32]:
         """Return the volume of a frame by its place in the store, ``(nx, ny, nz)``.
@@ -169,10 +185,10 @@ class SeriesStore:
         ValueError
             If the frame is not complete.
         """
-        if (state := self.group["complete"][place]) != COMPLETE:
+        if (state := self.array("complete")[place]) != COMPLETE:
             found = "left out, as it could not be read" if state == LEFT_OUT else "missing"
             raise ValueError(f"{self.path}: frame {place}: found it {found}, expected a volume")
-        return self.group["emission"][place]
+        return np.asarray(self.array("emission")[place])
 
     def to_xarray(self) -> Dataset:
         """Return the store as an `xarray.Dataset` that reads when asked; NaN where nothing is yet.
@@ -186,27 +202,29 @@ class SeriesStore:
 
     def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:
         """Write the volume of a frame; it counts once its block is finished."""
-        self.group["emission"][place] = volume
+        self.array("emission")[place] = volume
 
     def finish(self, block: range, results: Sequence[FrameResult]) -> None:
         """Write the figures of a block whose volumes are written, and then its record."""
         at = slice(block.start, block.stop)
         for name in FIGURES:
+            values: Sequence[float]
             if name == "warnings":
                 values = [len(one.warnings) for one in results]
             else:
                 values = [one.figures.get(name, math.nan) for one in results]
-            self.group[name][at] = np.array(values, self.group[name].dtype)
+            array = self.array(name)
+            array[at] = np.array(values, array.dtype)
         cameras = self.attributes["cameras"]
         for name in CAMERA_FIGURES:
-            self.group[name][at] = np.array(
+            self.array(name)[at] = np.array(
                 [
-                    [one.figures.get(name, {}).get(camera, math.nan) for camera in cameras]
+                    [one.by_camera.get(name, {}).get(camera, math.nan) for camera in cameras]
                     for one in results
                 ]
             )
         states = [LEFT_OUT if one.skipped else COMPLETE for one in results]
-        self.group["complete"][at] = np.array(states, np.uint8)
+        self.array("complete")[at] = np.array(states, np.uint8)
 
     def remove_partial(self, block: range) -> None:
         """Remove what a killed process left half-written of a block that no other process has."""

@@ -34,8 +34,8 @@ class SeriesTable:
     def of(cls, store: SeriesStore) -> SeriesTable:
         """Read the figures of a store."""
         names = (*FIGURES, *CAMERA_FIGURES, "complete")
-        columns = {name: store.group[name][:] for name in names}
-        return cls(store, store.group["frame"][:], store.group["time"][:], columns)
+        columns = {name: store.values(name) for name in names}
+        return cls(store, store.values("frame"), store.values("time"), columns)
 
     @property
     def cameras(self) -> list[str]:

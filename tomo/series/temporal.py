@@ -72,8 +72,9 @@ class TemporalFilter:
         place : int
         """
         pairs = neighbours(active, solutions, place, len(self.coarse) - 1, self.velocity)
-        low = sum(np.float32(a) * one for a, one in zip(self.coarse, pairs, strict=True))
-        high = sum(np.float32(b) * one for b, one in zip(self.fine, pairs, strict=True))
+        none = np.zeros_like(pairs[0])
+        low = sum((np.float32(a) * one for a, one in zip(self.coarse, pairs, strict=True)), none)
+        high = sum((np.float32(b) * one for b, one in zip(self.fine, pairs, strict=True)), none)
         return np.maximum(Blur(active, SPLIT)(low - high) + high, 0).astype(np.float32)
 
     def report(self) -> dict[str, object]:

@@ -223,7 +223,8 @@ def velocity_of(windows: Sequence[Window]) -> tuple[float, float, float]:
         if not np.trace(normal) > 0:
             return STILL
         velocity += np.linalg.lstsq(normal, right, rcond=None)[0]
-    return tuple(velocity.tolist())
+    x, y, z = velocity.tolist()
+    return x, y, z
 
 
 def _fitted(
@@ -240,7 +241,8 @@ def _fitted(
     count = columns[0].shape[-1] // 2
     matrix = np.concatenate([one.reshape(-1, 2, count) for one in columns])
     sums = np.cumsum(matrix, axis=-1).reshape(len(matrix), -1)
-    root = np.linalg.qr(np.column_stack([sums, np.concatenate(targets, axis=None)]), mode="r")
+    both = np.column_stack([sums, np.concatenate(targets, axis=None)])
+    root = np.asarray(np.linalg.qr(both, mode="r"))  # numpy's stubs take it for a pair
     found = nnls(root[:, :-1], root[:, -1])[0].reshape(2, count)
     return np.cumsum(found[:, ::-1], axis=1)[:, ::-1].ravel()
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.options import OFF
+from tomo.selection.choose import Choice
 from tomo.series.frames import spread
 from tomo.series.images import reader_of
 from tomo.series.plan import Plan
@@ -23,14 +24,15 @@ WINDOWS = 2
 
 
 def settle_filter(
-    plan: Plan, stage: Callable[[str], object] = lambda words: None
+    plan: Plan, choice: Choice, stage: Callable[[str], object] = lambda words: None
 ) -> TemporalChoice:
     """Return whether and how frames are to be filtered in time.
 
     Parameters
     ----------
     plan : Plan
-        With its choice of smoothness.
+    choice : Choice
+        How smooth volumes are.
     stage : callable, optional
         Receives what is done.
     """
@@ -52,14 +54,14 @@ def settle_filter(
         stage(f"what neighbouring frames say, {number + 1} of {WINDOWS}")
         first = min(max(middle - length // 2, 0), count - length)
         view = spread(views, WINDOWS)[number]
-        found = _window(plan, range(first, first + length), view)
+        found = _window(plan, choice, range(first, first + length), view)
         windows += [] if found is None else [found]
     if not windows:
         return TemporalChoice(None, "too few frames around the key frames can be read")
     return choose_filter(windows)
 
 
-def _window(plan: Plan, places: range, view: int) -> Window | None:
+def _window(plan: Plan, choice: Choice, places: range, view: int) -> Window | None:
     """Return the solutions of some frames without one view; None if most cannot be read."""
     read = reader_of(plan.scan, plan.screened, plan.options.skip_bad)
     both = {place: read(plan.places[place]) for place in places}
@@ -78,8 +80,8 @@ def _window(plan: Plan, places: range, view: int) -> Window | None:
         own = None if built.weights is None else built.weights[~held]
         training.append(replace(built, system=part, measured=built.measured[~held], weights=own))
     key = len(frames) // 2
-    first = solved_alone(plan, training[key], plan.choice)[1]
-    found = solved_together(plan, training, plan.choice, first)
+    first = solved_alone(plan, training[key], choice)[1]
+    found = solved_together(plan, training, choice, first)
     solutions = {place: unknowns for place, (_, unknowns) in zip(frames, found, strict=True)}
     seen = {place: one.measured for place, one in zip(frames, training, strict=True)}
     seen_weights = {place: one.weights for place, one in zip(frames, training, strict=True)}

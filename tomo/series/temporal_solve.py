@@ -7,13 +7,13 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from tomo.pipeline.solve import voxel_means_of
-from tomo.selection import Choice
+from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
 from tomo.series.solving import FrameResult, compared, solved_alone, solved_together
 from tomo.series.systems import weighted
-from tomo.series.temporal import growth
+from tomo.series.temporal import TemporalFilter, growth
 
 
 def solve_filtered(
@@ -23,6 +23,7 @@ def solve_filtered(
     own: Sequence[int],
     frames: Mapping[int, FrameImages],
     choice: Choice,
+    temporal: TemporalFilter,
 ) -> Iterator[tuple[int, FrameResult]]:
     """Yield the places of a block's frames and their results, filtered in time.
 
@@ -38,6 +39,8 @@ def solve_filtered(
         Place to the images: of the block's frames, and of neighbours.
     choice : Choice
         How smooth.
+    temporal : TemporalFilter
+        How frames are filtered, see `Plan.filter`.
     """
     began = time.perf_counter()
     built = {place: weighted(plan, system, frame) for place, frame in frames.items()}
@@ -52,12 +55,9 @@ def solve_filtered(
     for place in own:
         now = time.perf_counter() - spent
         result, alone = found[place]
-        unknowns, one = (
-            plan.temporal.filter.apply(projector.active, solutions, place),
-            built[place],
-        )
+        unknowns, one = temporal.apply(projector.active, solutions, place), built[place]
         grown = growth(projector, one.measured, one.weights, alone, unknowns)
-        if grown <= plan.temporal.filter.most:
+        if grown <= temporal.most:
             volume = voxel_means_of(projector, unknowns)
             result = replace(result, solution=replace(result.solution, volume=volume))
         yield place, compared(plan, system, frames[place], result, alone, now)

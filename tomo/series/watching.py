@@ -7,11 +7,11 @@ held-out camera that is predicted worse show in the table of figures, not in a s
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from tomo.series.store import LEFT_OUT
 from tomo.series.table import SeriesTable
@@ -48,6 +48,10 @@ NEIGHBOURS = 15
 """Frames on either side with which a frame is compared."""
 
 
+Words = Callable[[str, float, int], str]
+"""Says a change: of a camera, its size, and the first frame."""
+
+
 @dataclass(frozen=True)
 class Finding:
     """Something of a series that changes.
@@ -74,7 +78,7 @@ class Finding:
 
 
 def watch(
-    table: Mapping[str, NDArray], frames: Sequence[int], cameras: Sequence[str]
+    table: Mapping[str, NDArray], frames: ArrayLike, cameras: Sequence[str]
 ) -> list[Finding]:
     """Return what changes in a series for good, and frames that stand out.
 
@@ -84,7 +88,7 @@ def watch(
         Figures of the frames in their order: ``view_light``, ``view_residual`` and ``psnr``
         ``(frames, cameras)``, and ``complete`` ``(frames,)``, 2 for frames that were left out.
         NaN where there is no figure.
-    frames : sequence of int
+    frames : (frames,) int
         Their numbers in the scan.
     cameras : sequence of str
 
@@ -234,7 +238,7 @@ def _listed(numbers: NDArray, most: int = 6) -> str:
     return ", ".join(str(one) for one in numbers[:most]) + more
 
 
-_CHANGES = {
+_CHANGES: dict[str, tuple[str, Callable[[NDArray], NDArray], float, Words]] = {
     "gain": (
         "view_light",
         _against_the_others,

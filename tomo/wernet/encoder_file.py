@@ -16,10 +16,10 @@ from tomo.wernet.default.correction import CorrectionEncoder
 from tomo.wernet.paper.encoder import WeightEncoder
 
 _FORMAT, _VERSION = "wernet-encoder", 2
-_KINDS: dict[str, type[WeightEncoder] | type[CorrectionEncoder]] = {
-    "weights": WeightEncoder,
-    "correction": CorrectionEncoder,
-}
+Encoder = WeightEncoder | CorrectionEncoder
+Kind = TypeVar("Kind", bound=Encoder)
+
+_KINDS: dict[str, type[Encoder]] = {"weights": WeightEncoder, "correction": CorrectionEncoder}
 """The paper's encoder, which gives weights, and the default one, which corrects lengths."""
 
 _TENSOR_PARTS = (
@@ -31,9 +31,6 @@ _TENSOR_PARTS = (
 )
 """Names in the pickle of a file of float tensors and the state of a generator; no others are
 accepted."""
-
-Encoder = WeightEncoder | CorrectionEncoder
-Kind = TypeVar("Kind", bound=Encoder)
 
 
 def save_encoder(encoder: Encoder, path: str | Path) -> None:
@@ -62,7 +59,7 @@ def save_encoder(encoder: Encoder, path: str | Path) -> None:
 def load_encoder(path: str | Path, kind: None = None) -> Encoder: ...
 @overload
 def load_encoder(path: str | Path, kind: type[Kind]) -> Kind: ...
-def load_encoder(path: str | Path, kind: type[Encoder] | None = None) -> Encoder:
+def load_encoder(path: str | Path, kind: type[Kind] | None = None) -> Encoder | Kind:
     """Read an encoder that `save_encoder` wrote; code in the file is never run.
 
     Parameters
