@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from difflib import get_close_matches
-from importlib.util import find_spec
 from typing import Any
 
 import lazy_loader
@@ -36,6 +34,10 @@ def attach(
     def get(name: str) -> Any:
         if name in public:
             return load(name)
+        # here: commands import packages before they listen to Ctrl-C
+        from difflib import get_close_matches
+        from importlib.util import find_spec
+
         if not name.startswith("_") and find_spec(f"{package}.{name}"):
             raise AttributeError(f"{package}.{name} is not loaded yet: import {package}.{name}")
         close = get_close_matches(name, public, 1)
