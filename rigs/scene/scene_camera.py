@@ -23,7 +23,7 @@ from rigs.scene.solids import vector_of
 from rigs.scene.tracing import OPEN
 
 _LATTICE = 64
-"""Pixels along each side of an image that are asked how many mirrors they look by."""
+"""Pixels along each side of an image that are asked whether they see, and by how many mirrors."""
 
 
 @dataclass(frozen=True)
@@ -97,17 +97,21 @@ class SceneCamera(OnImage, NearestPinhole):
 
         Those of the camera itself where hardware hides all.
         """
-        if not np.isfinite(self.rays()[1]).any():
+        looked_at = (self._lattice(), None)  # all pixels only where the few see nothing
+        if not any(np.isfinite(self.rays(uv)[1]).any() for uv in looked_at):
             return self.camera.camera_matrix, self.camera.R, self.camera.position
         return fitted_pinhole(self.name, self.image_size, self.rays, self._in_main_view)
 
     @cached_property
     def sees_once(self) -> bool:
         """Whether all pixels look by the same number of mirrors: else a point may appear twice."""
-        width, height = self.image_size
-        u, v = (np.unique(np.linspace(0, side - 1, _LATTICE).round()) for side in (width, height))
-        mirrors = self._mirrors(np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2))
+        mirrors = self._mirrors(self._lattice())
         return len(np.unique(mirrors[mirrors >= 0])) <= 1
+
+    def _lattice(self) -> NDArray[np.float64]:
+        """Return pixels spread over the image, ``(N, 2)``."""
+        u, v = (np.unique(np.linspace(0, side - 1, _LATTICE).round()) for side in self.image_size)
+        return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
     def _mirrors(self, uv: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return by how many mirrors pixels see the middle, ``(N,)``; -1 without a ray."""
