@@ -174,10 +174,14 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
     even = np.linspace(0.0, _WIDEST, steps + 1)
     angles = np.concatenate([even[:1], np.geomspace(_NEAREST, even[1], steps // 4), even[2:]])
     bad = ~good(np.broadcast_to(angles, (len(turns), len(angles))))
+    if not bad.any():
+        return (np.pi / 2,) * len(turns)
     first = np.where(bad.any(axis=1), bad.argmax(axis=1), len(angles) - 1)
     low, high = angles[np.maximum(first - 1, 0)], angles[first]
     for _ in range(60):
         middle = (low + high) / 2
+        if ((middle == low) | (middle == high)).all():
+            break
         is_good = good(middle[:, None])[:, 0]
         low, high = np.where(is_good, middle, low), np.where(is_good, high, middle)
     return tuple(np.where(bad.any(axis=1), low, np.pi / 2).tolist())
