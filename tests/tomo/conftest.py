@@ -272,7 +272,10 @@ def browser(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def open_page(browser):
-    """Return a function that opens a page of ours, ready to be used."""
+    """Return a function that opens a page of ours, ready to be used.
+
+    Pages with a script say when they are; others are when they are loaded.
+    """
 
     def opened(path, size=(1400, 900)):
         browser.command(
@@ -282,8 +285,9 @@ def open_page(browser):
         browser.command("Page.navigate", url=path.as_uri())
         browser.evaluate(
             "window.pause = (ms) => new Promise((done) => setTimeout(done, ms));"
-            "for (let k = 0; k < 600 && !(document.body && document.body.dataset.ready); k++)"
-            "  await pause(50);"
+            "window.ready = () => document.readyState === 'complete'"
+            "  && (document.body.dataset.ready || !document.scripts.length);"
+            "for (let k = 0; k < 600 && !window.ready(); k++) await pause(50);"
             "await pause(300);"
         )
         return browser

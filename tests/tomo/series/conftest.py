@@ -51,11 +51,12 @@ def film():
 
 
 @pytest.fixture(scope="session")
-def plan(film):
+def plan(film, choose_quickly):
     """Return the plan of the film."""
     from tomo.series import make_plan
 
-    return make_plan(film.scan, film.grid, film.options, tuple(range(COUNT)))
+    with choose_quickly():
+        return make_plan(film.scan, film.grid, film.options, tuple(range(COUNT)))
 
 
 @pytest.fixture
@@ -71,12 +72,13 @@ def store(plan, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def undisturbed(film, tmp_path_factory):
+def undisturbed(film, tmp_path_factory, choose_quickly):
     """Return the store of the film, made in one go."""
     from tomo.series import reconstruct_series
 
     path = tmp_path_factory.mktemp("undisturbed") / "out.zarr"
-    return reconstruct_series(film.scan, path, options=film.options)
+    with choose_quickly():
+        return reconstruct_series(film.scan, path, options=film.options)
 
 
 @pytest.fixture(scope="session")

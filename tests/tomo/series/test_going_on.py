@@ -17,6 +17,8 @@ from tomo.series.frames import BLOCK, blocks_of
 from tomo.series.run import run_plan
 from tomo.series.store import CAMERA_FIGURES, FIGURES
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 ROOT = Path(__file__).parents[3]
 
 

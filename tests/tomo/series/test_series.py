@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tomo import Options, Scan, reconstruct
+from tomo import Options, Scan
 from tomo.metrics import nrmse
 from tomo.operators import Absorption
 from tomo.pipeline.trace import through_gas
@@ -11,32 +11,15 @@ from tomo.series import reconstruct_series
 from tomo.series.frames import blocks_of, key_of
 from tomo.series.images import reader_of
 from tomo.series.run import solve_block
-from tomo.series.settle import make_plan
 
 
-@pytest.fixture(scope="module")
-def plan(film):
-    places = tuple(range(len(film.truths)))
-    return make_plan(film.scan, film.grid, film.options, places)
+pytestmark = pytest.mark.usefixtures("quick_choices")
 
 
 def volumes_of(plan, block):
     read = reader_of(plan.scan, plan.screened)
     found = solve_block(plan, block, [read(plan.places[place]) for place in block])
     return {place: result.volume for place, result in found}
-
-
-def test_volumes_are_as_good_as_those_of_single_frames(film, undisturbed):
-    for place in (0, 4, 9):
-        alone = reconstruct(
-            film.scan,
-            options=Options(
-                frame=f"frame_{place:03d}", hold_out=film.options.hold_out, uncertainty=0
-            ),
-        )
-        ours = nrmse(undisturbed.volume(place), film.truths[place])
-        assert ours < 1.1 * nrmse(alone.volume, film.truths[place])
-        assert ours < 0.1
 
 
 def test_every_frame_is_complete_and_has_its_figures(film, undisturbed):
