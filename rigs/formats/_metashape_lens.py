@@ -58,15 +58,19 @@ def _undistorted(plane: NDArray[np.float64], lens: Mapping[str, float]) -> NDArr
     determinant or the factor of the radius stops being positive.
     """
     point = np.array(plane)
+    active = np.arange(len(point))  # points that a step still moves
     for _ in range(_STEPS):
-        image, (a, b, c, d) = _distorted(point, lens)
+        here = point[active]
+        image, (a, b, c, d) = _distorted(here, lens)
         with np.errstate(all="ignore"):
-            short, scale = plane - image, 1 / (a * d - b * c)
+            short, scale = plane[active] - image, 1 / (a * d - b * c)
             step = np.stack([d * short[:, 0] - b * short[:, 1],
                              a * short[:, 1] - c * short[:, 0]], axis=1)  # fmt: skip
             step *= scale[:, None]
             longest = np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-300)
-            point = point + step * np.minimum(1.0, 0.5 / longest)  # half a focal length at a time
+            moved = here + step * np.minimum(1.0, 0.5 / longest)  # half a focal length at a time
+        point[active] = moved
+        active = active[(moved != here).any(axis=1) & np.isfinite(moved).all(axis=1)]
     image, (a, b, c, d) = _distorted(point, lens)
     with np.errstate(all="ignore"):
         found = (np.abs(image - plane).max(axis=1) < _SAME) & (a * d - b * c > 0) & (a + d > 0)

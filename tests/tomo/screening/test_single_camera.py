@@ -1,6 +1,7 @@
 """Cameras that stand out are found, with their causes, from the images of the others alone."""
 
 from dataclasses import replace
+from functools import cache
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,11 +25,14 @@ from tomo.simulation.effects import Effects
 GRID = VoxelGrid((20, 32, 20), 1.0)
 
 
+@cache
 def seen(n_views=12, seed=3, effects=None, name="turbulent", size=(60, 72)):
     rig = rigs.ring(n_views, distance=300.0, image_size=size, footprint=0.5, pitch_degrees=12)
     field = phantoms.create(name, seed=seed, extent=GRID.extent)
     made = simulate_images(rig, field, GRID, supersample=2, effects=effects, seed=seed)
-    return SimpleNamespace(rig=rig, images=[made.images[n] for n in rig.names])
+    for image in made.images.values():
+        image.setflags(write=False)  # tests share them
+    return SimpleNamespace(rig=rig, images=tuple(made.images[n] for n in rig.names))
 
 
 @pytest.fixture(scope="module", params=[7, 12, 21])

@@ -12,7 +12,6 @@ from tomo.series.frames import blocks_of, key_of
 from tomo.series.images import reader_of
 from tomo.series.run import solve_block
 
-
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
 
