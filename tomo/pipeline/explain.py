@@ -23,10 +23,11 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import through_gas
 from tomo.scan import Scan
-from tomo.screening.causes import AbsorbingGas, CameraGains
-from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Model, explain
+from tomo.screening.causes import AbsorbingGas, CameraGains, volume_of
+from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Fitted, Model, explain
 from tomo.selection import choose_by_left_out_pixels, left_out_residual
 from tomo.selfcal.gains import estimate_gains
+from tomo.uncertainty.summaries import total
 
 GAIN, MEDIUM, SELF_ABSORPTION = "gain", "medium", "self-absorption"
 
@@ -72,10 +73,13 @@ def explain_images(
             if found.best is not found.as_given and not asked:
                 found, corrected = _confirmed(found, built, corrected, progress)
             built = corrected
-            light = _light(found, {**options.rays, "tracer": options.tracer})
-            report = {**found.report(), "absorption": light}
+            how = {**options.rays, "tracer": options.tracer}
+            light, undecided = _light(found.best, how), _undecided(found, how)
+            report = {**found.report(), "absorption": light, "undecided": undecided}
             if light:
                 stage.warnings.append(_of_absorption(light, screened.scan.rig.length_unit))
+            if undecided:
+                stage.warnings.append(_of_undecided(undecided))
         if options.fit_gain and built.gains is None:
             gains = estimate_gains(built.system.projector, measured, reference=reference)
             built = with_gains(built, gains)
@@ -143,7 +147,7 @@ def _confirmed(
     )
     if residual < choice.held_out_residual:
         return found, corrected
-    return replace(found, best=found.as_given), replace(given, choice=choice)
+    return replace(found, best=found.as_given, refused=()), replace(given, choice=choice)
 
 
 def _causes(
@@ -170,10 +174,24 @@ def _causes(
     return causes
 
 
-def _light(found: Explained, how: dict[str, Any]) -> dict[str, float] | None:
+def _undecided(found: Explained, how: dict[str, Any]) -> dict[str, Any] | None:
+    """Return the absorption that the images neither ask for nor contradict; None without one."""
+    fitted = min(found.refused, key=lambda one: one.error, default=None)
+    light = None if fitted is None or _absorbs(found.best) else _light(fitted, how)
+    if fitted is None or light is None:
+        return None
+    taken, instead = (
+        total(volume_of(one.model.system, one.volume), one.model.system.projector.grid)
+        for one in (found.best, fitted)
+    )
+    cause = fitted.model.causes[-1]
+    return {"cause": cause, **light, "total": {"taken": taken, "instead": instead}}
+
+
+def _light(fitted: Fitted, how: dict[str, Any]) -> dict[str, float] | None:
     """Return the coefficients, and what became of the light; None where nothing absorbs."""
-    model, volume = found.best.model, found.best.volume
-    if not {MEDIUM, SELF_ABSORPTION}.intersection(model.causes):
+    model, volume = fitted.model, fitted.volume
+    if not _absorbs(fitted):
         return None
     arriving = model.system.projector @ volume
     clear = model.system.with_absorption(TRANSPARENT, **how).projector
@@ -185,6 +203,10 @@ def _light(found: Explained, how: dict[str, Any]) -> dict[str, float] | None:
         + model.absorption.medium * float(np.mean(clear.grid.extent)),
         "light_lost": 1 - float(arriving.sum() / sent.sum()),
     }
+
+
+def _absorbs(fitted: Fitted) -> bool:
+    return not {MEDIUM, SELF_ABSORPTION}.isdisjoint(fitted.model.causes)
 
 
 def _of_absorption(light: dict[str, float], unit: str) -> str:
@@ -201,6 +223,17 @@ def _of_absorption(light: dict[str, float], unit: str) -> str:
     return (
         f"{what}: {depth} does not arrive, and was corrected. If the gas is transparent, "
         "reconstruct with --no-fit-absorption"
+    )
+
+
+def _of_undecided(found: dict[str, Any]) -> str:
+    what = f"{found['cause']} of optical depth {found['optical_depth']:.2f}"
+    taken, instead = found["total"]["taken"], found["total"]["instead"]
+    return (
+        f"the images do not tell whether the gas absorbs: with {what} left-out pixels are "
+        f"predicted no worse, and the total emission would be {instead:.3g} instead of "
+        f"{taken:.3g}. Transparent gas was taken; for the other answer reconstruct with "
+        "--fit-absorption"
     )
 
 

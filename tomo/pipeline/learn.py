@@ -27,7 +27,8 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Solved, Watch, choice_of, solve_by
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.trace import through_gas
-from tomo.screening.hypotheses import SURE, WORTH
+from tomo.screening.causes import ABSORBING
+from tomo.screening.hypotheses import SURE
 from tomo.screening.left_out_blocks import blocks_of
 from tomo.selection.folds import LEFT_OUT
 
@@ -126,7 +127,7 @@ def _learned(
     volume = sample.projector.active.compress(solved.solution.volume)
     found = learn_shared(pixels, choice, volume)
     lengths, learned = found.residuals
-    if UPSTREAM in found.terms and learned**2 >= WORTH * lengths**2:
+    if UPSTREAM in found.terms and learned**2 >= ABSORBING * lengths**2:
         # details finer than voxels look like it, and the explanations did not find it either
         found = learn_shared(pixels, choice, volume, (VIGNETTING,))
     report = {

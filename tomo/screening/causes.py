@@ -11,8 +11,12 @@ from numpy.typing import NDArray
 
 from tomo.operators import LinearSystem
 from tomo.operators.view_gains import Gains
-from tomo.screening.hypotheses import Evidence, Fitted
+from tomo.screening.hypotheses import WORTH, Evidence, Fitted
 from tomo.selfcal.gains import ROUNDS, fit_gains
+
+ABSORBING = 0.65
+"""Fraction of the error beyond noise that absorption may leave to be taken. Above, it smooths the
+edges of a transparent ball and doubles its light; below, weak absorption is left uncorrected."""
 
 FIRST_DEPTH = 0.2
 """Optical depth that is tried first. Gas of a quarter of it changes the volume by less than its
@@ -42,6 +46,11 @@ class CameraGains:
 
     name: str = "gain"
     reference: tuple[bool, ...] | None = None
+
+    @property
+    def worth(self) -> float:
+        """Fraction of the error beyond noise that it may leave."""
+        return WORTH
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
         """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`."""
@@ -74,6 +83,11 @@ class AbsorbingGas:
     name: str
     by_emission: bool
     how: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def worth(self) -> float:
+        """Fraction of the error beyond noise that it may leave."""
+        return ABSORBING
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
         """Search for the coefficient that predicts pixels left out best."""

@@ -26,8 +26,12 @@ WORTH = 0.8
 invented that a coarse volume happens to like; below, weak ones are left to spoil the volume."""
 
 SURE = 2.0
-"""Standard errors of what a cause leaves by which it must lessen the error. More overlook causes
-in small images, fewer take noise for a cause."""
+"""Standard errors by which a cause must lessen the error. More overlook causes in small images,
+fewer take noise for a cause."""
+
+SOLVES = 4
+"""Further solves at most of a model before causes are tried on top of it. Causes go on from its
+volume: where it has not settled, what more iterations explain looks like a cause."""
 
 TRANSPARENT = Absorption()
 
@@ -115,13 +119,27 @@ class Evidence:
         volume = self.solve(part, measured[training], start)
         return Fitted(model, volume, self.blocks.squared_errors(self._misfit(model, volume)))
 
+    def settled(self, fitted: Fitted) -> Fitted:
+        """Return the fit after further solves, as long as each lessens the error."""
+        for _ in range(SOLVES):
+            again = self.fit(fitted.model, fitted.volume)
+            if again.error >= fitted.error:
+                break
+            fitted = again
+        return fitted
+
     def beyond_noise(self, fitted: Fitted) -> float:
         """Return the squared error that noise does not explain."""
         return max(fitted.error - self.noise, 0.0)
 
     def worth(self, before: Fitted, after: Fitted) -> float:
-        """Return the fraction of the error beyond noise that is left; 1 where nothing is sure."""
-        spread = np.sqrt(len(after.errors)) * float(after.errors.std())
+        """Return the fraction of the error beyond noise that is left; 1 where nothing is sure.
+
+        Sure is what exceeds the standard error of the patches' differences, in which all that
+        neither explains cancels, or that of what is left, where a few patches make the difference.
+        """
+        less = before.errors - after.errors
+        spread = np.sqrt(len(less)) * float(min(less.std(), after.errors.std()))
         if before.error - after.error <= SURE * spread or self.beyond_noise(before) == 0:
             return 1.0
         return self.beyond_noise(after) / self.beyond_noise(before)
@@ -142,6 +160,10 @@ class Cause(Protocol):
     @property
     def name(self) -> str:
         """Its name, as reports have it."""
+
+    @property
+    def worth(self) -> float:
+        """Fraction of the error beyond noise that it may leave to be taken; see `WORTH`."""
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
         """Return what it makes of a model, the best one last; empty where it explains nothing."""
@@ -174,12 +196,15 @@ class Explained:
     trials : tuple of Trial
     noise : float
         The squared error that noise makes by itself over that of the images as given.
+    refused : tuple of Fitted
+        Models with one more cause than the best that lessen the error, but not clearly.
     """
 
     as_given: Fitted
     best: Fitted
     trials: tuple[Trial, ...]
     noise: float
+    refused: tuple[Fitted, ...] = ()
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""
@@ -206,13 +231,13 @@ def explain(
 
     Notes
     -----
-    The cause is taken that leaves least of the error, if that is `WORTH` taking; the others are
+    The cause is taken that leaves least of the error, if that is worth taking; the others are
     then tried on top of it, with what it explained gone, until none is worth taking. None is
     taken before all were tried.
     """
-    given = best = evidence.fit(model)
+    given = best = evidence.settled(evidence.fit(model))
     unit = max(evidence.beyond_noise(given), np.finfo(np.float64).tiny)
-    trials, left = [], list(causes)
+    trials, left, refused = [], list(causes), []
     while left:
         tried = []
         for cause in left:
@@ -223,11 +248,14 @@ def explain(
         worth = [
             (cause, fitted)
             for cause, fitted in tried
-            if evidence.worth(best, fitted) < WORTH
+            if evidence.worth(best, fitted) < cause.worth
             or (cause.name in asked and fitted.error < best.error)
         ]
+        refused = [fitted for _, fitted in tried if fitted.error < best.error]
         if not worth:
             break
         taken, best = min(worth, key=lambda pair: pair[1].error)
+        best, refused = evidence.settled(best), []
         left.remove(taken)
-    return Explained(given, best, tuple(trials), evidence.noise / (given.error or 1.0))
+    share = evidence.noise / (given.error or 1.0)
+    return Explained(given, best, tuple(trials), share, tuple(refused))
