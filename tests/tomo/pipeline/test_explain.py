@@ -97,6 +97,22 @@ def test_faultless_images_stay_as_given():
     assert not [line for line in found.warnings if "absor" in line or "gain" in line]
 
 
+def test_what_images_do_not_tell_is_left_and_said():
+    # every camera sees a ball alike, whether it absorbs its own light or not
+    def ball(points):
+        return (np.linalg.norm(points - np.array(GRID.center), axis=-1) < 5.5).astype(float)
+
+    rig = ring(8, distance=200.0, image_size=(26, 32), footprint=0.9, center=GRID.center)
+    scan = simulate_images(rig, ball, GRID, supersample=2, refine=4).scan
+    found = reconstruct(scan, options=Options(uncertainty=0, align=False))
+    assert found.explanation["causes"] == []
+    undecided = found.explanation["undecided"]
+    assert undecided["total"]["instead"] > 1.1 * undecided["total"]["taken"]
+    (line,) = [line for line in found.warnings if "absorb" in line]
+    assert "do not tell" in line
+    assert "--fit-absorption" in line
+
+
 def test_gains_are_not_taken_for_absorption():
     found = reconstruct(scan_of(Effects(gain_spread=0.1)), options=Options(uncertainty=0))
     assert found.explanation["causes"] == ["gain"]

@@ -11,7 +11,7 @@ from tomo.operators.view_gains import Gains
 from tomo.pipeline.evidence import quick_solve, sample_of
 from tomo.pipeline.options import Options
 from tomo.screening.causes import AbsorbingGas, CameraGains
-from tomo.screening.hypotheses import Model, explain
+from tomo.screening.hypotheses import Evidence, Fitted, Model, explain
 from tomo.screening.left_out_blocks import SIDE, Blocks, blocks_of
 
 GRID = VoxelGrid((18, 22, 18), 1.0, (2.0, -1.0, 0.5))
@@ -54,6 +54,34 @@ def test_nothing_is_wrong_with_faultless_images(system, truth):
     found = explained(system, system.projector @ truth.ravel())
     assert found.best is found.as_given
     assert found.best.model.causes == ()
+
+
+def test_images_as_given_are_solved_until_more_iterations_explain_no_more():
+    grid = VoxelGrid((20, 8, 20), 1.0)  # a one-sided hollow flame, seen along voxel faces
+    rig = rigs.ring(8, 22.5, distance=5000.0, image_size=(40, 20), footprint=0.5)
+    fine = grid.refined(2)
+    x, _, z = np.moveaxis(fine.centers(), -1, 0)
+    flame = np.exp(-(((np.hypot(x, z) - 5) / 2) ** 2)) * (1 - 0.7 * np.tanh(z / 2))
+    images = LinearSystem.from_rig(rig, fine, skip=False).projector @ flame.ravel()
+    noise = [NoiseModel(0.01 * float(images.max()))] * 8
+    system = LinearSystem.from_rig(rig, grid, skip=False)
+    sample = sample_of(system, images.astype(np.float32), noise, Options())
+    evidence, model = sample.evidence, Model(sample.system)
+    given = explain(model, (), evidence).as_given
+    assert given.error < 0.8 * evidence.fit(model).error
+    assert evidence.fit(model, given.volume).error > 0.98 * given.error
+
+
+def test_little_in_every_patch_is_sure_and_much_in_one_is_not(system):
+    none, model = np.zeros(system.projector.shape[0]), Model(system)
+    evidence = Evidence(none, Blocks.of(system), none, quick_solve)
+    left = np.random.default_rng(0).uniform(0, 10, 60)  # what neither model explains
+    all_alike, one = left + 0.1, left + 6.0 * (np.arange(60) == 0)
+    worth = [
+        evidence.worth(*(Fitted(model, none, errors) for errors in (before, left)))
+        for before in (all_alike, one)
+    ]
+    assert worth == pytest.approx([left.sum() / all_alike.sum(), 1.0])
 
 
 @pytest.mark.parametrize("depth", [0.4, 1.0])
