@@ -175,7 +175,7 @@ def _causes(
 
 
 def _undecided(found: Explained, how: dict[str, Any]) -> dict[str, Any] | None:
-    """Return the absorption that the images neither ask for nor contradict; None without one."""
+    """Return the absorption that explains a little and was not corrected; None without one."""
     fitted = min(found.refused, key=lambda one: one.error, default=None)
     light = None if fitted is None or _absorbs(found.best) else _light(fitted, how)
     if fitted is None or light is None:
@@ -231,7 +231,7 @@ def _of_undecided(found: dict[str, Any]) -> str:
     taken, instead = found["total"]["taken"], found["total"]["instead"]
     return (
         f"the images do not tell whether the gas absorbs: with {what} left-out pixels are "
-        f"predicted no worse, and the total emission would be {instead:.3g} instead of "
+        f"predicted a little better, and the total emission would be {instead:.3g} instead of "
         f"{taken:.3g}. Transparent gas was taken; for the other answer reconstruct with "
         "--fit-absorption"
     )

@@ -197,7 +197,7 @@ class Explained:
     noise : float
         The squared error that noise makes by itself over that of the images as given.
     refused : tuple of Fitted
-        Models with one more cause than the best that lessen the error, but not clearly.
+        Models with one more cause than the best that surely lessen the error, but by too little.
     """
 
     as_given: Fitted
@@ -251,7 +251,7 @@ def explain(
             if evidence.worth(best, fitted) < cause.worth
             or (cause.name in asked and fitted.error < best.error)
         ]
-        refused = [fitted for _, fitted in tried if fitted.error < best.error]
+        refused = [fitted for _, fitted in tried if evidence.worth(best, fitted) < 1]
         if not worth:
             break
         taken, best = min(worth, key=lambda pair: pair[1].error)
