@@ -14,7 +14,7 @@ from tomo.operators.view_gains import Gains
 from tomo.screening.hypotheses import WORTH, Evidence, Fitted
 from tomo.selfcal.gains import ROUNDS, fit_gains
 
-ABSORBING = 0.65
+ABSORBING = 0.6
 """Fraction of the error beyond noise that absorption may leave to be taken. Above, it smooths the
 edges of a transparent ball and doubles its light; below, weak absorption is left uncorrected."""
 
