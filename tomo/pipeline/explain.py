@@ -23,7 +23,7 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import through_gas
 from tomo.scan import Scan
-from tomo.screening.causes import AbsorbingGas, CameraGains, volume_of
+from tomo.screening.causes import AbsorbingGas, CameraGains, light_of, volume_of
 from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Fitted, Model, explain
 from tomo.selection import choose_by_left_out_pixels, left_out_residual
 from tomo.selfcal.gains import estimate_gains
@@ -81,7 +81,9 @@ def explain_images(
             if undecided:
                 stage.warnings.append(_of_undecided(undecided))
         if options.fit_gain and built.gains is None:
-            gains = estimate_gains(built.system.projector, measured, reference=reference)
+            how = {**options.rays, "tracer": options.tracer}
+            light = light_of(built.system, built.absorption, how)
+            gains = estimate_gains(built.system, measured, reference=reference, light=light)
             built = with_gains(built, gains)
         if built.gains is not None and not options.fit_gain:
             stage.warnings.append(_of_gains(built.gains, screened.scan))
@@ -160,10 +162,10 @@ def _causes(
     """
     default = method_named(options.method).name == AUTO
     causes: list[Cause] = []
+    how = {**options.rays, "tracer": options.tracer}
     if options.fit_gain or (options.fit_gain is None and default):
-        causes.append(CameraGains(GAIN, reference))
+        causes.append(CameraGains(GAIN, reference, how))
     if options.fit_absorption or (options.fit_absorption is None and default):
-        how = {**options.rays, "tracer": options.tracer}
         known = built.absorption.extinction is not None
         if options.absorption is None and not known:
             causes.append(AbsorbingGas(MEDIUM, False, how))

@@ -9,10 +9,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.operators import LinearSystem
+from tomo.operators import Absorption, LinearSystem
 from tomo.operators.view_gains import Gains
-from tomo.screening.hypotheses import WORTH, Evidence, Fitted
+from tomo.screening.hypotheses import TRANSPARENT, WORTH, Evidence, Fitted
 from tomo.selfcal.gains import ROUNDS, fit_gains
+from tomo.selfcal.total_light import ViewLight
 
 ABSORBING = 0.6
 """Fraction of the error beyond noise that absorption may leave to be taken. Above, it smooths the
@@ -42,10 +43,13 @@ class CameraGains:
     name : str
     reference : tuple of bool, optional
         The views whose gains have the mean 1; all when None.
+    how : mapping
+        See `AbsorbingGas`.
     """
 
     name: str = "gain"
     reference: tuple[bool, ...] | None = None
+    how: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def worth(self) -> float:
@@ -53,14 +57,18 @@ class CameraGains:
         return WORTH
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
-        """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`."""
-        projector, training = fitted.model.system.projector, evidence.blocks.training
-        part, measured = projector.take(training), evidence.measured[training]
-        gains = Gains.none(projector.n_views, self.reference)
+        """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`.
+
+        The volume is that of some pixels; totals are those of all, those left out too: gaps in an
+        image would cut through voxels, and a view has one gain and many pixels.
+        """
+        system = fitted.model.system
+        light = light_of(system, fitted.model.absorption, self.how)
+        gains = Gains.none(system.projector.n_views, self.reference)
         model = replace(fitted.model, causes=(*fitted.model.causes, self.name))
         for _ in range(ROUNDS):
-            corrected = gains.correct(part, measured)
-            gains = gains.then(fit_gains(part, corrected, fitted.volume))
+            corrected = gains.correct(system.projector, evidence.measured)
+            gains = gains.then(fit_gains(system, corrected, fitted.volume, light=light))
             if not gains.views_disagree:
                 return []
             fitted = evidence.fit(replace(model, gains=gains), fitted.volume)
@@ -124,6 +132,11 @@ class AbsorbingGas:
             model = replace(before.model, system=system, absorption=absorption, causes=causes)
             near = evidence.fit(model, near.volume)
         return near
+
+
+def light_of(system: LinearSystem, absorption: Absorption, how: Mapping[str, Any]) -> ViewLight:
+    """Return the light of views through gas that absorbs, or not; ``how`` as for the causes."""
+    return ViewLight.of(system, system.with_absorption(TRANSPARENT, **how) if absorption else None)
 
 
 def volume_of(system: LinearSystem, unknowns: NDArray[np.float32]) -> NDArray[np.float32]:

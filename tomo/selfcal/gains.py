@@ -1,11 +1,12 @@
 """Per-view gains and offsets, estimated from the images: ``b_v = g_v (A x)_v + o_v``.
 
-All views of a transparent gas record the same total light, whatever its shape, because the rays
-that fill a view integrate the whole volume. The ratio of a view's total to the total predicted
-from a first, crude volume is therefore the view's gain, to a tenth of a per cent, although that
-volume was solved for with wrong gains. Single pixels cannot show the gain: a volume from few
-views reproduces every image, wrong gains included. Pixels where the volume is dark show the
-offset alone.
+All views of a transparent gas record the same total light, whatever its shape, because the pixels
+that fill a view integrate the whole volume. The ratio of a view's total to that of a first, crude
+volume is therefore the view's gain, although that volume was solved for with wrong gains. The
+volume's total is that of its light at the view's pixels (`tomo.selfcal.total_light`), not of its
+rays: rays through the middles of pixels meet some voxels more than others, and a volume with its
+light at those reproduces wrong gains. Single pixels cannot show the gain for the same reason.
+Pixels where the volume is dark show the offset alone.
 
 A factor common to all gains is a factor of the volume, so the geometric mean of the gains is 1:
 that of the calibrated cameras where only some have an absolute scale.
@@ -19,10 +20,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.operators import GaussianBasis
-from tomo.operators.operator import ProjectionOperator
+from tomo.operators import GaussianBasis, LinearSystem
 from tomo.operators.vectors import check_measured
 from tomo.operators.view_gains import Gains, geometric_mean
+from tomo.selfcal.total_light import ViewLight, view_sums
 from tomo.solvers.cgls import cgls
 from tomo.solvers.initial_volume import mlos_start
 from tomo.solvers.mlem import mlem
@@ -72,7 +73,12 @@ the volume coarse; all pixels are compared in any case."""
 
 
 def fit_gains(
-    projector: ProjectionOperator, measured: ArrayLike, volume: ArrayLike, *, offsets: bool = True
+    system: LinearSystem,
+    measured: ArrayLike,
+    volume: ArrayLike,
+    *,
+    offsets: bool = True,
+    light: ViewLight | None = None,
 ) -> Gains:
     """Fit the gain and the offset of every view to the prediction from a volume.
 
@@ -82,11 +88,13 @@ def fit_gains(
 
     Parameters
     ----------
-    projector : ProjectionOperator
+    system : LinearSystem
     measured : (pixels,)
     volume : (unknowns,) or (nx, ny, nz)
     offsets : bool
         Whether to fit offsets. They are zero otherwise.
+    light : ViewLight, optional
+        That of the system, where it is known already, or where gas absorbs.
 
     Returns
     -------
@@ -98,6 +106,7 @@ def fit_gains(
     ValueError
         If the pixels or voxels do not fit the projector, or are not finite.
     """
+    projector = system.projector
     measured = check_measured(projector, measured).astype(np.float64)
     flat = np.asarray(volume).ravel()
     if flat.size == projector.grid.size:
@@ -107,6 +116,8 @@ def fit_gains(
             f"volume: found {flat.size} values, expected {projector.shape[1]} finite ones"
         )
     predicted = np.asarray(projector @ flat, np.float64)
+    light = ViewLight.of(system) if light is None else light
+    totals, sampled = light.totals(projector, flat, predicted), view_sums(projector, predicted)
     n_views = projector.n_views
     gain, offset = np.ones(n_views), np.zeros(n_views)
     gain_error, offset_error = np.full(n_views, np.inf), np.full(n_views, np.inf)
@@ -115,15 +126,13 @@ def fit_gains(
         recorded, expected = measured[view], predicted[view]
         if offsets:
             offset[number], offset_error[number] = _offset(recorded, expected)
-        total = expected.sum()
-        if total > 0:
-            gain[number] = (recorded - offset[number]).sum() / total
-            residual = recorded - offset[number] - gain[number] * expected
-            gain_error[number] = _error_of_sum(residual) / total
-    light = np.add.reduceat(np.append(predicted, 0.0), projector.view_ptr[:-1])
-    light[np.diff(projector.view_ptr) == 0] = 0
-    typical = float(np.median(light[light > 0])) if (light > 0).any() else 0.0
-    determined = np.isfinite(gain_error) & (gain > 0) & (light > LEAST_LIGHT * typical)
+        if totals[number] > 0 and sampled[number] > 0:
+            lit = recorded - offset[number]
+            gain[number] = lit.sum() / totals[number]
+            residual = lit - lit.sum() / sampled[number] * expected
+            gain_error[number] = _error_of_sum(residual) / totals[number]
+    typical = float(np.median(totals[totals > 0])) if (totals > 0).any() else 0.0
+    determined = np.isfinite(gain_error) & (gain > 0) & (totals > LEAST_LIGHT * typical)
     median = float(np.median(gain[determined])) if determined.any() else 1.0
     determined &= (gain < LARGEST_RATIO * median) & (gain > median / LARGEST_RATIO)
     mean = geometric_mean(gain[determined])
@@ -137,12 +146,13 @@ def fit_gains(
 
 
 def estimate_gains(
-    projector: ProjectionOperator,
+    system: LinearSystem,
     measured: ArrayLike,
     *,
     offsets: bool = True,
     rounds: int = ROUNDS,
     reference: ArrayLike | None = None,
+    light: ViewLight | None = None,
 ) -> Gains:
     """Estimate gains and offsets from the images alone, with a few iterations of a solver.
 
@@ -152,7 +162,7 @@ def estimate_gains(
 
     Parameters
     ----------
-    projector, measured, offsets
+    system, measured, offsets, light
         See `fit_gains`.
     rounds, reference
         See `solve_with_gains`.
@@ -163,6 +173,7 @@ def estimate_gains(
         `Gains.views_disagree` says whether correcting is worthwhile. All gains are 1 with fewer
         than two views or with dark images, where nothing can be compared.
     """
+    projector = system.projector
     measured = check_measured(projector, measured)
     if len(projector.views_with_pixels) < 2 or not measured.any():
         return Gains.none(projector.n_views, reference)
@@ -170,8 +181,8 @@ def estimate_gains(
     kept = interleaved(projector.shape[0], stride)[0]
     thinned = projector.take(kept).packed() if stride > 1 else projector
 
-    light = float(np.abs(measured).sum(dtype=np.float64))
-    negative = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / light
+    total = float(np.abs(measured).sum(dtype=np.float64))
+    negative = -float(np.minimum(measured, 0).sum(dtype=np.float64)) / total
 
     def quick_solution(pixels: NDArray[np.float32]) -> Solution:
         pixels = pixels[kept]
@@ -183,22 +194,24 @@ def estimate_gains(
 
     return solve_with_gains(
         quick_solution,
-        projector,
+        system,
         measured,
         rounds=rounds,
         offsets=offsets,
         reference=reference,
+        light=light,
     )[1]
 
 
 def solve_with_gains(
     solver: Callable[[NDArray[np.float32]], Solution],
-    projector: ProjectionOperator,
+    system: LinearSystem,
     measured: ArrayLike,
     *,
     rounds: int = ROUNDS,
     offsets: bool = True,
     reference: ArrayLike | None = None,
+    light: ViewLight | None = None,
 ) -> tuple[Solution, Gains]:
     """Solve for volume and gains by alternating minimisation.
 
@@ -209,10 +222,10 @@ def solve_with_gains(
     ----------
     solver : callable
         ``solver(measured)`` returns the `Solution` of the corrected images ``(pixels,)``.
-    projector, measured, offsets
+    system, measured, offsets, light
         See `fit_gains`.
     rounds : int
-        Outer iterations, at least 1. Two leave an error of a tenth of a per cent.
+        Outer iterations, at least 1.
     reference : (views,) bool, optional
         The views whose gains have the mean 1; all when None.
 
@@ -229,12 +242,15 @@ def solve_with_gains(
     """
     if rounds < 1:
         raise ValueError(f"rounds: found {rounds}, expected at least 1")
+    projector = system.projector
     measured = check_measured(projector, measured)
     gains = Gains.none(projector.n_views, reference)
+    light = ViewLight.of(system) if light is None else light
     for _ in range(rounds):
         corrected = gains.correct(projector, measured)
         found = solver(corrected)
-        gains = gains.then(fit_gains(projector, corrected, found.volume, offsets=offsets))
+        fitted = fit_gains(system, corrected, found.volume, offsets=offsets, light=light)
+        gains = gains.then(fitted)
     return found, gains
 
 

@@ -66,6 +66,7 @@ def in_units(scan, lengths=1.0, intensities=1.0):
         images=pictures,
         emission=emission,
         intensities=intensities,
+        system=system,
         projector=system.projector,
         measured=system.flatten(pictures),
     )
@@ -100,10 +101,10 @@ def with_gains(one):
     measured = one.measured * np.repeat(gains, np.diff(projector.view_ptr))
     volume, found = solve_with_gains(
         lambda pixels: solvers.mlem(projector, pixels, iterations=6),
-        projector,
+        one.system,
         measured.astype(np.float32),
     )
-    return volume.volume, found, fit_gains(projector, measured, volume.volume)
+    return volume.volume, found, fit_gains(one.system, measured, volume.volume)
 
 
 @every_scale
