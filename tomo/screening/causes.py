@@ -57,22 +57,12 @@ class CameraGains:
         return WORTH
 
     def fit(self, fitted: Fitted, evidence: Evidence) -> Sequence[Fitted]:
-        """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`.
-
-        The volume is that of some pixels; totals are those of all, those left out too: gaps in an
-        image would cut through voxels, and a view has one gain and many pixels.
-        """
-        system = fitted.model.system
-        light = light_of(system, fitted.model.absorption, self.how)
-        gains = Gains.none(system.projector.n_views, self.reference)
-        model = replace(fitted.model, causes=(*fitted.model.causes, self.name))
-        for _ in range(ROUNDS):
-            corrected = gains.correct(system.projector, evidence.measured)
-            gains = gains.then(fit_gains(system, corrected, fitted.volume, light=light))
-            if not gains.views_disagree:
-                return []
-            fitted = evidence.fit(replace(model, gains=gains), fitted.volume)
-        return [fitted]
+        """Fit both by turns with the volume, where views disagree; see `tomo.selfcal.gains`."""
+        none = Gains.none(fitted.model.system.projector.n_views, self.reference)
+        causes = (*fitted.model.causes, self.name)
+        given = replace(fitted, model=replace(fitted.model, gains=none, causes=causes))
+        found = with_gains_fitted(given, evidence, self.how)
+        return [] if found is given else [found]
 
 
 @dataclass(frozen=True)
@@ -131,7 +121,27 @@ class AbsorbingGas:
             system = system.with_absorption(absorption, emission, **self.how)
             model = replace(before.model, system=system, absorption=absorption, causes=causes)
             near = evidence.fit(model, near.volume)
+            if model.gains is not None:  # they took some of what the gas absorbs
+                near = with_gains_fitted(near, evidence, self.how)
         return near
+
+
+def with_gains_fitted(fitted: Fitted, evidence: Evidence, how: Mapping[str, Any]) -> Fitted:
+    """Return the fit with the gains and backgrounds that its volume asks for; itself if none.
+
+    ``how`` is as for the causes. The volume is that of some pixels; totals are those of all, those
+    left out too: gaps in an image would cut through voxels, and a view has one gain and many
+    pixels.
+    """
+    model, gains = fitted.model, fitted.model.gains
+    system, light = model.system, light_of(model.system, model.absorption, how)
+    for _ in range(ROUNDS):
+        corrected = gains.correct(system.projector, evidence.measured)
+        gains = gains.then(fit_gains(system, corrected, fitted.volume, light=light))
+        if not gains.views_disagree:
+            break
+        fitted = evidence.fit(replace(model, gains=gains), fitted.volume)
+    return fitted
 
 
 def light_of(system: LinearSystem, absorption: Absorption, how: Mapping[str, Any]) -> ViewLight:
