@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -91,6 +91,26 @@ class Gains:
             self.gain * further.offset_error,
             further.scale,
             self.reference,
+        )
+
+    def of_images_before(self, gain: ArrayLike, level: ArrayLike) -> Gains:
+        """Return the gains of images that, corrected to ``(b - level) / gain``, have these.
+
+        Parameters
+        ----------
+        gain, level : (views,)
+
+        Notes
+        -----
+        ``b = gain (g (A x) + o) + level``. The mean of the gains is then not 1 in general.
+        """
+        gain = np.asarray(gain, np.float64)
+        return replace(
+            self,
+            gain=gain * self.gain,
+            offset=np.asarray(level, np.float64) + gain * self.offset,
+            gain_error=gain * self.gain_error,
+            offset_error=gain * self.offset_error,
         )
 
     @property

@@ -74,6 +74,7 @@ def assemble(
     registered, built, evaluated = stages.register, stages.explain.built, stages.evaluate
     system, names = stages.solve.built.system, registered.rig.names
     screening, alignment = stages.screen.screening, stages.assess.alignment
+    gains = stages.screen.gains(built.gains)
     unseen = int(np.count_nonzero(stages.assess.unseen))
     return Reconstruction(
         solution=replace(evaluated.solution, peak_memory=peak_memory()),
@@ -96,7 +97,7 @@ def assemble(
         refinement=registered.refinement.report() if registered.refinement else None,
         refined_rig=registered.recorded_rig(scan) if registered.refinement else None,
         explanation=stages.explain.report,
-        gains=built.gains.report(names) if built.gains else None,
+        gains=gains.report(names) if gains else None,
         seconds={
             **{name: record.seconds for name, record in stages.records.items()},
             "choose": stages.solve.solution.seconds["choose"],

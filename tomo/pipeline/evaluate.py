@@ -163,9 +163,10 @@ def evaluate(
             )
             views += _views_apart(apart, solved, screened, options)
             if found.weights is not None:
+                applied = screened.gains(built.gains)
                 comparable = rays_of_pixel(**options.rays) == 1
                 ratios = (
-                    true_ratios(built.system, reference.effects, reference.truth, built.gains)
+                    true_ratios(built.system, reference.effects, reference.truth, applied)
                     if comparable
                     else None
                 )

@@ -22,8 +22,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import through_gas
-from tomo.scan import Scan
-from tomo.screening.causes import AbsorbingGas, CameraGains, light_of, volume_of
+from tomo.screening.causes import AbsorbingGas, CameraGains, light_of, volume_of, with_gains_fitted
 from tomo.screening.hypotheses import TRANSPARENT, Cause, Explained, Fitted, Model, explain
 from tomo.selection import choose_by_left_out_pixels, left_out_residual
 from tomo.selfcal.gains import estimate_gains
@@ -68,7 +67,10 @@ def explain_images(
             sample = sample_of(built.system, measured, screened.noise, options, built.absorption)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
             given = Model(sample.system, absorption=built.absorption)
-            found = explain(given, causes, sample.evidence, asked)
+            wanted = (
+                (*asked, GAIN) if screened.is_scaled else asked
+            )  # one differs: how the others?
+            found = explain(given, causes, sample.evidence, wanted)
             corrected = _corrected(built, found, sample, options)
             if found.best is not found.as_given and not asked:
                 found, corrected = _confirmed(found, built, corrected, progress)
@@ -82,11 +84,11 @@ def explain_images(
                 stage.warnings.append(_of_undecided(undecided))
         if options.fit_gain and built.gains is None:
             how = {**options.rays, "tracer": options.tracer}
-            light = light_of(built.system, built.absorption, how)
-            gains = estimate_gains(built.system, measured, reference=reference, light=light)
+            of_views = light_of(built.system, built.absorption, how)
+            gains = estimate_gains(built.system, measured, reference=reference, light=of_views)
             built = with_gains(built, gains)
         if built.gains is not None and not options.fit_gain:
-            stage.warnings.append(_of_gains(built.gains, screened.scan))
+            stage.warnings.append(_of_gains(built.gains, screened))
     return ExplainedScan(built, report, stage.record)
 
 
@@ -96,7 +98,9 @@ def _corrected(
     """Return the equations corrected by the best explanation."""
     best = found.best.model
     if best.gains is not None:
-        built = with_gains(built, best.gains)
+        how = {**options.rays, "tracer": options.tracer}
+        fitted = with_gains_fitted(found.best, sample.evidence.of_all_pixels, how)
+        built = with_gains(built, fitted.model.gains)
     if best.absorption != built.absorption:
         emission = sample.emission(found.best.volume, built.system.projector.grid)
         system = through_gas(built.system, best.absorption, emission, options)
@@ -239,8 +243,9 @@ def _of_undecided(found: dict[str, Any]) -> str:
     )
 
 
-def _of_gains(gains: Gains, scan: Scan) -> str:
+def _of_gains(fitted: Gains, screened: ScreenedScan) -> str:
     """Return the line on gains and backgrounds, with lines of a scan.yaml that correct them."""
+    gains, scan = screened.gains(fitted) or fitted, screened.scan
     largest = float(np.abs(gains.offset).max()) / gains.scale
     found = []
     if gains.disagreement > NOTEWORTHY or largest <= NOTEWORTHY:
@@ -250,6 +255,7 @@ def _of_gains(gains: Gains, scan: Scan) -> str:
     lines = lines_for_gains(gains, scan.rig.names, scan.corrections)
     advice = (
         f"To have it in the scan, write into scan.yaml: {' and '.join(lines)}"
+        f"{'. They replace those for single cameras' if screened.is_scaled else ''}"
         if lines
         else "See report.json, gains, and check exposures and dark frames"
     )

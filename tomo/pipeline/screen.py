@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, estimate_noise
+from tomo.operators.view_gains import Gains
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
 from tomo.screening import Screening, screen_images
+from tomo.screening.remedies import Remedy
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +59,41 @@ class ScreenedScan:
             model = known[name]
             known[name] = NoiseModel(model.read / one.gain, model.gain / one.gain)
         return tuple(known[name] for name in self.scan.rig.names)
+
+    def gains(self, fitted: Gains | None) -> Gains | None:
+        """Return the whole gains and backgrounds that the images were corrected by.
+
+        Parameters
+        ----------
+        fitted : Gains, optional
+            Those of the images that take part, as they are here.
+
+        Returns
+        -------
+        Gains or None
+            Those of the images as they were read. Standard errors are infinite where only the
+            screening corrected; None where nothing was.
+        """
+        done = self._scaled
+        if not done:
+            return fitted
+        names, none = self.scan.rig.names, Remedy()
+        both = [done.get(name, none) for name in names]
+        if fitted is None:
+            unknown = np.full(len(names), np.inf)
+            fitted = replace(Gains.none(len(names)), gain_error=unknown, offset_error=unknown)
+        return fitted.of_images_before([one.gain for one in both], [one.level for one in both])
+
+    @property
+    def is_scaled(self) -> bool:
+        """Whether the screening divided an image that takes part, or subtracted from it."""
+        return bool(self._scaled)
+
+    @property
+    def _scaled(self) -> dict[str, Remedy]:
+        remedies = self.screening.remedies if self.screening else {}
+        used = ((name, remedies.get(name)) for name in self.scan.rig.names)
+        return {name: one for name, one in used if one and (one.gain != 1 or one.level != 0)}
 
     @property
     def excluded(self) -> tuple[str, ...]:

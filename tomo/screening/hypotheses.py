@@ -9,7 +9,7 @@ best where it is clearly better than the model without it, and goes on from ther
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Protocol
 
@@ -108,6 +108,12 @@ class Evidence:
     def noise(self) -> float:
         """The squared error that the noise of the pixels left out makes by itself."""
         return self.blocks.noise(self.variance)
+
+    @property
+    def of_all_pixels(self) -> Evidence:
+        """The same with models fitted to all pixels: for one that is taken, not for comparing."""
+        everything = replace(self.blocks, training=np.arange(len(self.measured)))
+        return replace(self, blocks=everything)
 
     def fit(self, model: Model, start: NDArray[np.float32] | None = None) -> Fitted:
         """Solve for the volume of a model from one part of the pixels, and predict the other."""

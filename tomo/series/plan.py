@@ -98,7 +98,7 @@ class Plan:
     def report(self) -> dict[str, Any]:
         """Return what was settled, as plain numbers and words for the store's attributes."""
         built, names = self.system.built, self.registered.rig.names
-        gains, alignment = built.gains, self.registered.alignment
+        gains, alignment = self.screened.gains(built.gains), self.registered.alignment
         refinement, screening = self.registered.refinement, self.screened.screening
         return plain(
             {
