@@ -220,6 +220,8 @@ def _summary(report: dict, out: Path) -> str:
     ]
     if report["quality"]:
         lines.append(f"against the truth: {_figures(report['quality'])}")
+    if report["gains"]:
+        lines.append(_of_gains(report["gains"]))
     for camera, figures in report["held_out"].items():
         shown = {name: value for name, value in figures.items() if name != "data_range"}
         lines.append(f"held out {camera}: {_figures(shown)}{_of_used(report['views'])}")
@@ -227,6 +229,17 @@ def _summary(report: dict, out: Path) -> str:
         lines += _comparison(report)
     lines += [report["verdict"]["sentence"], f"open {out / 'report.html'}"]
     return "\n".join(lines)
+
+
+def _of_gains(gains: dict) -> str:
+    """Return the range of the gains that images were divided by, and the largest error."""
+    lowest, highest = (pick(gains["gain"], key=gains["gain"].get) for pick in (min, max))
+    known = [one for one in gains["gain_error"].values() if one is not None]
+    errors = f", each to {max(known):.4f} or better" if known else ""
+    return (
+        f"images divided by gains of {gains['gain'][lowest]:.3f} ({lowest}) to "
+        f"{gains['gain'][highest]:.3f} ({highest}){errors}: report.json, gains"
+    )
 
 
 def _of_used(views: dict) -> str:

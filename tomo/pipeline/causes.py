@@ -96,7 +96,7 @@ def _pointing(outcome: Any) -> Iterator[str]:
 
 
 def _gains(outcome: Any) -> Iterator[str]:
-    if outcome.gains:
+    if outcome.gains and outcome.gains["disagreement"] > 0:  # 0: only single cameras', see there
         yield f"gains or backgrounds that differ (gains by {outcome.gains['disagreement']:.1%})"
 
 

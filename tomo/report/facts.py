@@ -52,7 +52,9 @@ def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("versions", "Versions"),
     ):
         values = report.get(key)
-        if isinstance(values, Mapping) and values:
+        if key == "gains" and values:
+            tables.append((title, _gains(values)))
+        elif isinstance(values, Mapping) and values:
             lines = [(str(k).replace("_", " "), in_words(v)) for k, v in values.items()]
             tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
     rest = [
@@ -61,6 +63,22 @@ def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         if report.get(key) is not None
     ]
     return [("Run", rest), *tables] if rest else tables
+
+
+def _gains(gains: Mapping) -> list[tuple[str, str]]:
+    """Return a line for each camera: the whole gain and background that its image was rid of."""
+    lines = []
+    for name in gains["gain"]:
+        gain, background = (
+            f"{in_words(gains[key][name])} ± {_error(gains[f'{key}_error'][name])}"
+            for key in ("gain", "offset")
+        )
+        lines.append((name, f"gain {gain}, background {background}"))
+    return lines
+
+
+def _error(value: float | None) -> str:
+    return "not known" if value is None or not math.isfinite(value) else number_text(value, 2)
 
 
 def in_words(value: object) -> str:
