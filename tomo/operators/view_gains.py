@@ -138,6 +138,7 @@ class Gains:
             "gain": dict(zip(names, self.gain.tolist(), strict=True)),
             "offset": dict(zip(names, self.offset.tolist(), strict=True)),
             "gain_error": dict(zip(names, self.gain_error.tolist(), strict=True)),
+            "offset_error": dict(zip(names, self.offset_error.tolist(), strict=True)),
             "disagreement": self.disagreement,
         }
 

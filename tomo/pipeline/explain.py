@@ -67,9 +67,8 @@ def explain_images(
             sample = sample_of(built.system, measured, screened.noise, options, built.absorption)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
             given = Model(sample.system, absorption=built.absorption)
-            wanted = (
-                (*asked, GAIN) if screened.is_scaled else asked
-            )  # one differs: how the others?
+            # Where one image was divided, the gains of all are fitted too.
+            wanted = (*asked, GAIN) if screened.is_scaled else asked
             found = explain(given, causes, sample.evidence, wanted)
             corrected = _corrected(built, found, sample, options)
             if found.best is not found.as_given and not asked:

@@ -70,7 +70,7 @@ def _gains(gains: Mapping) -> list[tuple[str, str]]:
     lines = []
     for name in gains["gain"]:
         gain, background = (
-            f"{in_words(gains[key][name])} ± {_error(gains[f'{key}_error'][name])}"
+            f"{in_words(gains[key][name])} ± {_error(gains.get(f'{key}_error', {}).get(name))}"
             for key in ("gain", "offset")
         )
         lines.append((name, f"gain {gain}, background {background}"))

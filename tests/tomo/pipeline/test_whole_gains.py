@@ -1,0 +1,105 @@
+"""The gains of a result are those that its images were corrected by, from whatever stage."""
+
+import sys
+
+import numpy as np
+import pytest
+
+from phantoms import GaussianBlobs
+from rigs import ring
+from tomo import Scan, VoxelGrid
+from tomo.operators.view_gains import Gains
+from tomo.pipeline import Options, reconstruct
+from tomo.report.facts import detail_tables
+from tomo.simulation import simulate_images
+
+GRID = VoxelGrid((14, 20, 14), 1.0, (1.0, -2.0, 0.5))
+RIG = ring(
+    10, distance=200.0, image_size=(24, 30), footprint=1.0, center=GRID.center,
+    pitch_degrees=[18.0, -12.0] * 5,
+)  # fmt: skip
+FIELD = GaussianBlobs(
+    GRID.center + np.array([[-2.2, -3, 0.5], [1.8, 0, -1.4], [-0.5, 4, 1.2]]),
+    [1.5, 1.7, 1.4],
+    [1.0, 0.8, 0.6],
+)
+TRUE = np.array([1.03, 0.98, 1.0, 1.5, 0.97, 1.02, 1.04, 0.99, 0.95, 1.01])
+QUICK = {"uncertainty": 0, "learn": False}
+
+
+@pytest.fixture(scope="module")
+def scan():
+    """Return images of cameras of known gains, one of which stands out."""
+    made = simulate_images(RIG, FIELD, GRID, supersample=4, refine=2)
+    random, top = np.random.default_rng(3), max(image.max() for image in made.images.values())
+    images = {
+        name: gain * image / top + random.normal(0, 0.003, image.shape)
+        for gain, (name, image) in zip(TRUE, made.images.items(), strict=True)
+    }
+    return Scan.from_arrays(RIG, images, GRID)
+
+
+@pytest.fixture(scope="module")
+def stages_and_result(scan, choose_quickly):
+    kept = []
+
+    def assemble(stages, *args, **how):
+        kept.append(stages)
+        return given(stages, *args, **how)
+
+    module = sys.modules["tomo.pipeline.reconstruct"]  # the package has a function of this name
+    given = module.assemble
+    with pytest.MonkeyPatch.context() as patch, choose_quickly():
+        patch.setattr(module, "assemble", assemble)
+        result = reconstruct(scan, options=Options(**QUICK))
+    return kept[0], result
+
+
+def test_they_are_the_product_of_all_that_was_applied(scan, stages_and_result):
+    stages, result = stages_and_result
+    divided = result.screening["cameras"]["cam03"]
+    assert divided["done"] == "Its image was divided by it"
+    built = stages.explain.built
+    fitted = dict(zip(RIG.names, built.gains.gain, strict=True))
+    for name, gain in result.gains["gain"].items():
+        own = divided["gain"] if name == "cam03" else 1.0
+        assert gain == pytest.approx(own * fitted[name], rel=1e-12)
+    columns = [np.array(list(result.gains[key].values())) for key in ("gain", "offset")]
+    whole = Gains(*columns, np.zeros(10), np.zeros(10))
+    system = built.system
+    recorded = system.flatten(stages.load.images)
+    used = system.flatten([mask.astype(np.float32) for mask in stages.screen.masks]) > 0
+    corrected = whole.correct(system.projector, recorded)
+    np.testing.assert_allclose(corrected[used], built.measured[used], atol=1e-5)
+
+
+def test_they_are_the_cameras_own(stages_and_result):
+    gains = stages_and_result[1].gains
+    relative = np.array(list(gains["gain"].values())) / TRUE
+    relative /= np.exp(np.log(relative).mean())
+    assert np.abs(relative - 1).max() < 0.02
+    assert max(gains["gain_error"].values()) < 0.01
+
+
+def test_reports_have_them_with_their_errors(stages_and_result):
+    result = stages_and_result[1]
+    report = result.report()
+    assert report["gains"]["gain"] == dict(result.gains["gain"])
+    lines = dict(dict(detail_tables(report))["Gains and backgrounds"])
+    assert list(lines) == list(RIG.names)
+    assert lines["cam03"].startswith(f"gain {result.gains['gain']['cam03']:.4g} ± 0.00")
+    line = next(line for line in result.warnings if "gains differ" in line)
+    assert f"cam03: {1 / result.gains['gain']['cam03']:.3g}" in line
+    assert "replace those for single cameras" in line
+
+
+def test_an_image_that_the_screening_alone_divided_is_among_them(scan):
+    how = Options(method="cgls", iterations=5, **QUICK)
+    result = reconstruct(scan, options=how)
+    divided = result.screening["cameras"]["cam03"]["gain"]
+    assert divided == pytest.approx(1.5, rel=0.05)
+    assert result.gains["gain"] == {n: divided if n == "cam03" else 1.0 for n in RIG.names}
+    assert not np.isfinite(list(result.gains["gain_error"].values())).any()
+    assert result.report()["gains"]["gain_error"]["cam03"] is None
+    plain = reconstruct(scan, options=Options(method="cgls", iterations=5, fit_gain=False, **QUICK))
+    assert plain.gains is None
