@@ -67,8 +67,7 @@ def explain_images(
             sample = sample_of(built.system, measured, screened.noise, options, built.absorption)
             asked = (MEDIUM, SELF_ABSORPTION) if options.fit_absorption else ()
             given = Model(sample.system, absorption=built.absorption)
-            # Where one image was divided, the gains of all are fitted too.
-            wanted = (*asked, GAIN) if screened.is_scaled else asked
+            wanted = (*asked, GAIN) if screened.is_scaled else asked  # do others differ too?
             found = explain(given, causes, sample.evidence, wanted)
             corrected = _corrected(built, found, sample, options)
             if found.best is not found.as_given and not asked:

@@ -38,8 +38,8 @@ TURNS = 5
 absorption tried on top seems to mend; more cost time."""
 
 SETTLED = 0.97
-"""Fraction of the error that a turn leaves where gains have settled. Lower, they still move; higher,
-turns are for nothing."""
+"""Fraction of the error that a turn leaves where gains have settled. Lower, they still move;
+higher, turns are for nothing."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,8 @@ def with_gains_fitted(fitted: Fitted, evidence: Evidence, how: Mapping[str, Any]
     left out too: gaps in an image would cut through voxels, and a view has one gain and many
     pixels.
     """
-    model, gains = fitted.model, fitted.model.gains
+    model = fitted.model
+    gains = model.gains or Gains.none(model.system.projector.n_views)
     system, light = model.system, light_of(model.system, model.absorption, how)
     for _ in range(TURNS):
         corrected = gains.correct(system.projector, evidence.measured)

@@ -175,7 +175,8 @@ class Screening:
         from the others: the relative ``residual`` of its image when the others predict it, that
         of ``others``, the ratio of the two, by how much the others' squared error falls
         ``without`` the camera, its ``causes``, the likeliest first, with what each would leave of
-        the squared residual, its parameters and what to do, what was ``done``, and the ``gain`` and ``background`` that its image was rid of.
+        the squared residual, its parameters and what to do, what was ``done``, and the
+        ``gain`` and ``background`` that its image was rid of.
         """
         return {
             "excluded": list(self.excluded),

@@ -8,8 +8,8 @@ rays: rays through the middles of pixels meet some voxels more than others, and 
 light at those reproduces wrong gains. Single pixels cannot show the gain for the same reason.
 Pixels where the volume is dark show the offset alone.
 
-The worst of 4 to 24 cameras is off by, in the median of 7 settle scenes and in the worst scene (in
-per cent; gains spread by 0, 5 or 15 % alike; `docs/results/gains.md`):
+The worst of 4 to 24 cameras is off by so many per cent, in the median of seven scenes and in the
+worst one (`docs/results/gains.md`):
 
 =============================  ===========  ============  ============  ============
 pixels' width in voxels        no noise     0.5 % noise   3 % noise     10 % noise
@@ -19,9 +19,9 @@ pixels' width in voxels        no noise     0.5 % noise   3 % noise     10 % noi
 1.8 to 4                       0.55, 5.2    1.1, 1.8      5.4, 33       22, 44
 =============================  ===========  ============  ============  ============
 
-Noise is in units of the brightest pixel, and limits the gain by the background: a total has thousands
-of dark pixels. The worst scenes have a camera that sees a part of the volume, or a few sparks in the
-dark. Standard errors come with the gains, and are honest to a factor of two.
+Noise is in units of the brightest pixel, and limits the gain by the background: a total has
+thousands of dark pixels. The worst scenes have a camera that sees a part of the volume, or a few
+sparks in the dark. Standard errors come with the gains.
 
 A factor common to all gains is a factor of the volume, so the geometric mean of the gains is 1:
 that of the calibrated cameras where only some have an absolute scale.

@@ -60,7 +60,7 @@ class ViewLight:
         rays, grid = (clear or system).projector, system.projector.grid
         edge = int(np.ceil((grid.size / MOST_CELLS) ** (1 / 3)))
         cells = tuple(-(-n // edge) for n in grid.shape)
-        weight = np.empty((len(system.rig), int(np.prod(cells))), np.float32)
+        weight = np.zeros((len(system.rig), int(np.prod(cells))), np.float32)
         for view, (camera, pixels) in enumerate(zip(system.rig, system.pixels, strict=True)):
             if camera.is_straight and camera.sees_once:
                 weight[view] = _weights(camera, pixels, grid, edge).ravel()
@@ -118,7 +118,7 @@ def _weights(
     ]
     corners = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1)
     uv, _, valid = camera.project(corners.reshape(-1, 3))
-    seen = np.where(valid[:, None], uv, np.nan).reshape(corners.shape[:3] + (2,))
+    seen = np.where(valid[:, None], uv, np.nan).reshape((*corners.shape[:3], 2))
     steps = []
     for axis in range(3):
         across = np.diff(seen, axis=axis)

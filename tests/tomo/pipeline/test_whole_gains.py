@@ -101,5 +101,7 @@ def test_an_image_that_the_screening_alone_divided_is_among_them(scan):
     assert result.gains["gain"] == {n: divided if n == "cam03" else 1.0 for n in RIG.names}
     assert not np.isfinite(list(result.gains["gain_error"].values())).any()
     assert result.report()["gains"]["gain_error"]["cam03"] is None
-    plain = reconstruct(scan, options=Options(method="cgls", iterations=5, fit_gain=False, **QUICK))
+    plain = reconstruct(
+        scan, options=Options(method="cgls", iterations=5, fit_gain=False, **QUICK)
+    )
     assert plain.gains is None

@@ -33,15 +33,21 @@ class Scene:
     Attributes
     ----------
     simulated : SimulatedImages
-    stored, on_the_fly : ProjectionOperator
-        The same matrix.
+    system : LinearSystem
+    on_the_fly : ProjectionOperator
+        The same matrix as the system's.
     measured : (pixels,) float32
     """
 
     simulated: SimulatedImages
-    stored: ProjectionOperator
+    system: LinearSystem
     on_the_fly: ProjectionOperator
     measured: NDArray[np.float32]
+
+    @property
+    def stored(self) -> ProjectionOperator:
+        """The system's matrix."""
+        return self.system.projector
 
     @property
     def truth(self) -> NDArray[np.float32]:
@@ -92,7 +98,7 @@ def scene_of(rig: Rig, noise: float = 0.0, grid: VoxelGrid | None = None) -> Sce
     system = LinearSystem.from_rig(rig, grid, form="stored")
     measured = system.flatten(list(simulated.images.values()))
     on_the_fly = OnTheFlyProjector.from_cameras(tuple(rig), system.pixels, grid)
-    return Scene(simulated, system.projector, on_the_fly, measured)
+    return Scene(simulated, system, on_the_fly, measured)
 
 
 def solved(

@@ -69,7 +69,7 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     yield from _fewer(seen)
     cameras = tuple(scan.rig)
     yield "carving", carve(cameras, images, masks, scan.grid).active.mask
-    yield "gains", estimate_gains(seen.stored, seen.measured).gain
+    yield "gains", estimate_gains(seen.system, seen.measured).gain
     few = replace(scan.rig, cameras=cameras[:5])
     yield "alignment", align_views(few, images[:5], scan.grid, masks=masks[:5]).shifts
 
