@@ -3,7 +3,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tomo import Options, Scan
+from tomo import Options, Scan, reconstruct
+from tomo.measurement import NoiseModel
 from tomo.metrics import nrmse
 from tomo.operators import Absorption
 from tomo.pipeline.trace import through_gas
@@ -11,6 +12,9 @@ from tomo.series import reconstruct_series
 from tomo.series.frames import blocks_of, key_of
 from tomo.series.images import reader_of
 from tomo.series.run import solve_block
+from tomo.series.settle import make_plan
+from tomo.series.solving import solved_alone, solved_together
+from tomo.series.systems import weighted
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -142,3 +146,23 @@ def test_frames_that_absorb_their_own_light_come_out_brighter(film, plan):
     clear = volumes_of(plan, last)
     for place, volume in volumes_of(absorbing, last).items():
         assert 1.05 < volume.sum() / clear[place].sum() < 1.4
+
+
+@pytest.mark.parametrize("place", [0, 2])
+def test_a_frame_without_light_leaves_the_weights_of_others_as_they_are(plan, place):
+    noisy = (NoiseModel(0.001, 0.2),) * len(plan.noise)
+    built = replace(plan.system.built, weighting={"used": True})
+    system = replace(plan.system, built=built)
+    plan = replace(plan, noise=noisy, system=system)
+    read = reader_of(plan.scan, plan.screened)
+    bright = [read(number) for number in range(2)]
+    dark = replace(bright[0], images=[np.zeros_like(image) for image in bright[0].images])
+    frames = [weighted(plan, system, one) for one in bright]
+    assert all(one.weights is not None for one in frames)
+    key = solved_alone(plan, frames[0], plan.choice)[1]
+    expected = solved_together(plan, frames, plan.choice, key)
+    frames.insert(place, weighted(plan, system, dark))
+    found = solved_together(plan, frames, plan.choice, key)
+    assert not found.pop(place)[1].any()
+    for (_, ours), (_, theirs) in zip(found, expected, strict=True):
+        np.testing.assert_allclose(ours, theirs, atol=1e-6)

@@ -61,7 +61,12 @@ def test_stores_of_other_kinds_are_refused(tmp_path, change, part):
         SeriesStore(tmp_path / "a.zarr")
 
 
-def test_a_store_that_lacks_an_array_is_refused(tmp_path):
-    zarr.create_group(tmp_path / "a.zarr", attributes={"format": "emission-series", "version": 1})
+@pytest.mark.parametrize("inside", [(), ("emission",)])
+def test_a_store_that_lacks_an_array_is_refused(tmp_path, inside):
+    store = zarr.create_group(
+        tmp_path / "a.zarr", attributes={"format": "emission-series", "version": 1}
+    )
+    for name in inside:  # a group where the array should be
+        store.create_group(name)
     with pytest.raises(ValueError, match="emission: found no such array"):
         SeriesStore(tmp_path / "a.zarr")

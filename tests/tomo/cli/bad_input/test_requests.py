@@ -139,6 +139,8 @@ def test_no_grid_anywhere(refused, scan, tmp_path):
     line = refused("reconstruct", *given)
     assert "grid: found none" in line
     assert "--grid with --spacing" in line
+    line = refused("reconstruct", *given, "--grid", "", "--spacing", "1")
+    assert "--grid and --spacing: expected both" in line
 
 
 def test_a_volume_no_camera_sees(refused, scan, tmp_path):
