@@ -115,7 +115,7 @@ def reconstruct(
     on with one that was interrupted.
     """
     with bad_input_in_one_line():
-        from tomo.pipeline.reconstruct import reconstruct as run
+        from tomo import reconstruct as run
 
         options = declared_from(Options, _with_checkpoint(values, out))
         loaded = _load(scan, rig, images, pattern)

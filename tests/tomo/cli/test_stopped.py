@@ -80,7 +80,7 @@ def test_memory_that_runs_out_is_one_line(run_tool, scan, tmp_path, monkeypatch,
     def fail(*_, **__):
         raise lack
 
-    monkeypatch.setattr("tomo.pipeline.reconstruct", fail)
+    monkeypatch.setattr("tomo.reconstruct", fail)
     done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
     assert done.exit_code == 2
     (line,) = _lines(done.stderr)
@@ -91,7 +91,7 @@ def test_other_errors_of_the_program_are_not_hidden(run_tool, scan, tmp_path, mo
     def fail(*_, **__):
         raise RuntimeError("a defect")
 
-    monkeypatch.setattr("tomo.pipeline.reconstruct", fail)
+    monkeypatch.setattr("tomo.reconstruct", fail)
     done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
     assert isinstance(done.exception, RuntimeError)
 

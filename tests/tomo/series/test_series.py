@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tomo import Options, Scan, reconstruct
+from tomo import Options, Scan
 from tomo.measurement import NoiseModel
 from tomo.metrics import nrmse
 from tomo.operators import Absorption
@@ -12,7 +12,6 @@ from tomo.series import reconstruct_series
 from tomo.series.frames import blocks_of, key_of
 from tomo.series.images import reader_of
 from tomo.series.run import solve_block
-from tomo.series.settle import make_plan
 from tomo.series.solving import solved_alone, solved_together
 from tomo.series.systems import weighted
 
