@@ -14,11 +14,6 @@ from typer.testing import CliRunner
 # the processor time of a calibration, and the tests already run on all cores.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# Tests start many processes, and each would compile the toolkit's modules anew. Compiled modules
-# lie beside the kernels that numba keeps.
-os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-sys.dont_write_bytecode = False
-
 ROOT = Path(__file__).resolve().parent.parent
 SECONDS = 2.0  # of processor time for a reader's refusal of one small file
 MEMORY = 260 << 20  # bytes that a refusal may take: twice what the size guard allows to any file

@@ -34,11 +34,14 @@ def _lines(stderr):
 
 
 def _limited(limit, value, *arguments):
-    """Run reconstruct with one of the system's limits."""
+    """Run reconstruct with one of the system's limits.
+
+    It writes no compiled modules (-B): a limit on files would leave halves of them behind.
+    """
     code = (
         "import os, resource, sys\n"
         f"resource.setrlimit(resource.RLIMIT_{limit}, ({value}, {value}))\n"
-        "os.execv(sys.executable, [sys.executable, *sys.argv[1:]])"
+        "os.execv(sys.executable, [sys.executable, '-B', *sys.argv[1:]])"
     )
     command = [sys.executable, "-c", code, ROOT / "tools" / "reconstruct.py", *arguments]
     return subprocess.run(
