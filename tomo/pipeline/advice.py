@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators.view_gains import NOTEWORTHY, SIGNIFICANT, Gains
-from tomo.scan import Corrections
+from tomo.scan import Corrections, Scan
 from tomo.scan.corrections import correction_line
+from tomo.screening import Screening
 
 ALIKE = 0.1
 """Relative spread of the cameras' levels up to which one number stands for all of them."""
@@ -18,10 +19,86 @@ MOST_LISTED = 8
 """Cameras of a line; the largest corrections come first, and report.json has all."""
 
 
-def lines_for_gains(
-    gains: Gains, names: Sequence[str], corrections: Corrections
-) -> tuple[str, ...]:
-    """Return the lines that correct fitted gains and backgrounds in a scan's own numbers.
+def dark_levels(
+    screening: Screening | None, gains: Gains | None, names: Sequence[str]
+) -> dict[str, float]:
+    """Return by how much each camera's dark level is wrong, one figure a camera.
+
+    Parameters
+    ----------
+    screening : Screening, optional
+        What the images show, and what it subtracted.
+    gains : Gains, optional
+        Fitted to the images of ``names``, in this order, as the screening corrected them.
+    names : sequence of str
+
+    Returns
+    -------
+    levels : dict
+        Camera to a level in the unit of the images, positive where too little is subtracted. That
+        of the fit where there is one, which knows the volume; else that of the dark regions.
+    """
+    levels = dict(screening.above_dark) if screening else {}
+    if gains is None:
+        return levels
+    far = set(_far(gains.offset, gains.offset_error, NOTEWORTHY * gains.scale).tolist())
+    for view, name in enumerate(names):
+        if not np.isfinite(gains.offset_error[view]):
+            continue
+        levels.pop(name, None)
+        done = screening.remedies.get(name) if screening else None
+        level, gain = (done.level, done.gain) if done else (0.0, 1.0)
+        if view in far:
+            level += gain * float(gains.offset[view])
+        if level:
+            levels[name] = level
+    return levels
+
+
+def line_for_dark(
+    levels: Mapping[str, float], names: Sequence[str], scan: Scan, *, fitted: bool
+) -> str | None:
+    """Return the one line on the cameras' dark level, with what to write; None where all is well.
+
+    Parameters
+    ----------
+    levels : mapping
+        See `dark_levels`.
+    names : sequence of str
+        All cameras, those too that take no part.
+    scan : Scan
+        Its corrections are already in the images. Darks that are images, flat fields and units of
+        light leave no number to write.
+    fitted : bool
+        Whether gains and backgrounds were fitted.
+    """
+    if not levels:
+        return None
+    worst = max(levels, key=lambda name: abs(levels[name]))
+    given = {name: scan.corrections.of("dark", name) for name in names}
+    known = {name: 0.0 if dark is None else dark for name, dark in given.items()}
+    found = (
+        f"dark level: dark pixels of {len(levels)} of {len(names)} cameras' images are not 0, "
+        f"camera {worst}'s are {levels[worst]:.3g}. "
+    )
+    numbers = all(isinstance(one, int | float) for one in known.values())
+    flat = any(scan.corrections.of("flat", name) is not None for name in levels)
+    if not numbers or flat or scan.radiometry is not None:
+        return f"{found}Check the dark frames (scan.yaml, corrections: dark)"
+    dark = {name: float(level) for name, level in known.items() if level}
+    for name in sorted(levels, key=lambda name: -levels[name]):
+        factor = scan.corrections.of("gain", name) or 1.0
+        dark[name] = dark.get(name, 0.0) + levels[name] / factor
+    values = np.array(list(dark.values()))
+    alike = len(dark) == len(names) > 1 and np.ptp(values) <= ALIKE * abs(values.mean())
+    line = correction_line("dark", float(values.mean()) if alike else dark)
+    why = "fitted together with the gains" if fitted else "read off the images' dark regions"
+    where = "write into scan.yaml, in place of any dark level there"
+    return f"{found}To subtract them, {where}: {line}, {why}"
+
+
+def line_for_gains(gains: Gains, names: Sequence[str], corrections: Corrections) -> str | None:
+    """Return the line that corrects fitted gains in a scan's own numbers; None without one.
 
     Parameters
     ----------
@@ -30,33 +107,14 @@ def lines_for_gains(
     names : sequence of str
         The cameras, in the order of the gains.
     corrections : Corrections
-        Those of the scan, which are already in the images. A camera whose dark is an image gets
-        no line for its background, one with a flat field neither.
-
-    Returns
-    -------
-    lines : tuple of str
-        None, one or two: for backgrounds and for gains, where they are far above their errors.
+        Those of the scan, which are already in the images.
     """
-    lines = []
-    dark = {}
-    for view in _far(gains.offset, gains.offset_error, NOTEWORTHY * gains.scale):
-        known, name = corrections.of("dark", names[view]) or 0.0, names[view]
-        if isinstance(known, int | float) and corrections.of("flat", name) is None:
-            factor = corrections.of("gain", name) or 1.0
-            dark[name] = known + gains.offset[view] / factor
-    if dark:
-        values = np.array(list(dark.values()))
-        alike = len(dark) == len(names) > 1 and np.ptp(values) <= ALIKE * abs(values.mean())
-        lines.append(correction_line("dark", float(values.mean()) if alike else _few(dark)))
     logs = np.log(gains.gain)
     factors = {
         names[view]: (corrections.of("gain", names[view]) or 1.0) / gains.gain[view]
-        for view in _far(logs, gains.gain_error / gains.gain, NOTEWORTHY)
+        for view in _far(logs, gains.gain_error / gains.gain, NOTEWORTHY)[:MOST_LISTED].tolist()
     }
-    if factors:
-        lines.append(correction_line("gain", _few(factors)))
-    return tuple(lines)
+    return correction_line("gain", factors) if factors else None
 
 
 def _far(
@@ -67,7 +125,3 @@ def _far(
     real = np.isfinite(errors) & (size > SIGNIFICANT * errors) & (size > least)
     order = np.argsort(-size, kind="stable")
     return order[real[order]]
-
-
-def _few(values: dict[str, float]) -> dict[str, float]:
-    return dict(list(values.items())[:MOST_LISTED])

@@ -13,7 +13,7 @@ import numpy as np
 
 from rigs.progress import Progress
 from tomo.operators.view_gains import NOTEWORTHY, Gains
-from tomo.pipeline.advice import lines_for_gains
+from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evidence import Sample, sample_of
@@ -87,6 +87,12 @@ def explain_images(
             built = with_gains(built, gains)
         if built.gains is not None and not options.fit_gain:
             stage.warnings.append(_of_gains(built.gains, screened))
+        names = screened.scan.rig.names
+        apart = screened.apart.rig.names if screened.apart else ()
+        levels = dark_levels(screened.screening, built.gains, names)
+        fitted = built.gains is not None
+        dark = line_for_dark(levels, (*names, *apart), screened.scan, fitted=fitted)
+        stage.warnings += [dark] if dark else []
     return ExplainedScan(built, report, stage.record)
 
 
@@ -242,7 +248,7 @@ def _of_undecided(found: dict[str, Any]) -> str:
 
 
 def _of_gains(fitted: Gains, screened: ScreenedScan) -> str:
-    """Return the line on gains and backgrounds, with lines of a scan.yaml that correct them."""
+    """Return the line on gains and backgrounds, with the line of a scan.yaml for the gains."""
     gains, scan = screened.gains(fitted) or fitted, screened.scan
     largest = float(np.abs(gains.offset).max()) / gains.scale
     found = []
@@ -250,11 +256,11 @@ def _of_gains(fitted: Gains, screened: ScreenedScan) -> str:
         found.append(f"the cameras' gains differ by {gains.disagreement:.1%}")
     if largest > NOTEWORTHY:
         found.append(f"images have a background of up to {largest:.1%} of the brightest pixel")
-    lines = lines_for_gains(gains, scan.rig.names, scan.corrections)
+    line = line_for_gains(gains, scan.rig.names, scan.corrections)
     advice = (
-        f"To have it in the scan, write into scan.yaml: {' and '.join(lines)}"
-        f"{'. They replace those for single cameras' if screened.is_scaled else ''}"
-        if lines
+        f"To have it in the scan, write into scan.yaml: {line}"
+        f"{'. It replaces those for single cameras' if screened.is_scaled else ''}"
+        if line
         else "See report.json, gains, and check exposures and dark frames"
     )
     return f"{', and '.join(found)}: this was fitted and corrected. {advice}"

@@ -75,7 +75,8 @@ class BackgroundCause:
     def fit(self, view: LeftOutView) -> Explained | None:
         """Fit one level."""
         level, excess = _linear(view, view.predicted, np.ones_like(view.predicted))
-        return Explained("background", f"background of {level:.3g}", {"level": level}, 1, excess)
+        words = f"background of {level:.3g} beside the others'"
+        return Explained("background", words, {"level": level}, 1, excess)
 
 
 @dataclass(frozen=True)

@@ -137,10 +137,7 @@ ADVICE: Mapping[str, Callable[[str, Explained], str]] = {
     "gain": lambda name, found: (
         f"Set in scan.yaml: corrections: {{gain: {{{name}: {1 / found.parameters['gain']:.4g}}}}}"
     ),
-    "background": lambda name, found: (
-        "Add it to the dark frame, in scan.yaml: corrections: "
-        f"{{dark: {{{name}: {found.parameters['level']:.4g}}}}}"
-    ),
+    "background": lambda name, found: "Correct its dark level in scan.yaml (corrections: dark)",
     "pointing": lambda name, found: f"Calibrate it again, or run with --refine-cameras {name}",
     "swapped": lambda name, found: "Check which camera's images its folder holds",
     "turned": lambda name, found: (

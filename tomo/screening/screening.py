@@ -20,7 +20,6 @@ from tomo.measurement import (
 )
 from tomo.measurement.background import background
 from tomo.operators.system import VolumeNotSeenError
-from tomo.scan.corrections import correction_line
 from tomo.screening.left_out_prediction import PredictedViews
 from tomo.screening.outside_light import light_outside
 from tomo.screening.remedies import Remedy, remedy
@@ -97,6 +96,22 @@ class Screening:
         ]
 
     @property
+    def above_dark(self) -> dict[str, float]:
+        """Camera to how far its dark regions lie above zero, in image units; only those that do.
+
+        The image's own level comes first. A camera that only the others contradict is compared
+        with what they show, their common background included.
+        """
+        others = [self.background.get(name, 0.0) for name in self.outliers]
+        common = float(np.median(others)) if others else 0.0
+        found = {
+            one.name: common + one.causes[0].parameters["level"]
+            for one in self.cameras
+            if one.names("background")
+        }
+        return {**found, **self.background}
+
+    @property
     def unmodelled_light(self) -> bool:
         """Whether a warning reports light that no volume in the grid explains."""
         return bool(self._background_warnings() or self._outside_warnings())
@@ -110,8 +125,8 @@ class Screening:
         return [
             f"{len(levels)} of {len(self.outliers)} cameras' images have a uniform "
             f"background, camera {worst} the highest ({levels[worst]:.3g}). The volume "
-            "has to explain it, and gains and cameras may seem wrong. Subtract it: add to the "
-            f"dark level in scan.yaml {correction_line('dark', _largest(levels))}"
+            "has to explain it, and gains and cameras may seem wrong. Subtract it, see the line "
+            "on the dark level"
         ]
 
     def _outside_warnings(self) -> list[str]:
@@ -195,11 +210,6 @@ class Screening:
                 for found in self.cameras
             },
         }
-
-
-def _largest(levels: Mapping[str, float], most: int = 8) -> dict[str, float]:
-    """Return the largest levels, by camera: more make a line too long."""
-    return dict(sorted(levels.items(), key=lambda one: -one[1])[:most])
 
 
 def screen_images(

@@ -86,6 +86,8 @@ def test_a_background_is_reported_in_place_of_light_outside_the_grid():
     own, others = found.warnings
     assert own.startswith("camera cam02: its image differs")
     assert "likeliest background" in own
+    assert "dark: " not in own + others  # one level is proposed for all, by the pipeline
+    assert found.above_dark["cam02"] == pytest.approx(0.2 * top, rel=0.02)
     assert others.startswith("4 of 5 cameras' images have a uniform background")
     assert found.report()["background"]["cam02"] == pytest.approx(0.2 * top, rel=0.02)
 
@@ -101,7 +103,7 @@ def test_what_to_do_about_it_stands_first(tmp_path, grid):
         load_scan(folder), grid, Options(method="mlem", iterations=3, uncertainty=0)
     )
     reported = [line for line in found.warnings if "background, " in line or "calibrate" in line]
-    assert "add to the dark level in scan.yaml" in reported[0]
+    assert "see the line on the dark level" in reported[0]
     for line in reported[1:]:
         assert "see to the light that no volume explains first, and if this stays, cal" in line
 

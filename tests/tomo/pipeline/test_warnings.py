@@ -10,7 +10,7 @@ import yaml
 from tomo import Scan, load_scan
 from tomo.operators.view_gains import Gains
 from tomo.pipeline import Options, reconstruct
-from tomo.pipeline.advice import lines_for_gains
+from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
 from tomo.scan import Corrections
 from tomo.scan._schema import _Corrections
 from tomo.scan.corrections import correction_line
@@ -81,27 +81,75 @@ def test_the_line_for_a_dark_frame_left_in_removes_it(taken):
     assert "dark" not in lines_of(reconstruct(again, options=Options(uncertainty=0)).warnings)
 
 
-def test_the_lines_for_gains_are_in_the_scans_own_numbers():
-    error = np.full(3, 1e-4)
+def lines_for(gains, scan):
+    """Return the corrections that gains propose, dark and gain."""
+    names = scan.rig.names
+    dark = line_for_dark(dark_levels(None, gains, names), names, scan, fitted=True)
+    return lines_of(line or "" for line in (dark, line_for_gains(gains, names, scan.corrections)))
+
+
+def test_the_lines_for_gains_are_in_the_scans_own_numbers(folder):
+    error, names = np.full(3, 1e-4), ("cam00", "cam01", "cam02")
     gains = Gains(np.array([1.0, 1.25, 0.8]), np.array([0.0, 0.02, 0.0]), error, error)
-    names = ("a", "b", "c")
-    lines = [
-        yaml.safe_load(one)["corrections"] for one in lines_for_gains(gains, names, Corrections())
-    ]
-    assert lines == [{"dark": {"b": 0.02}}, {"gain": {"b": 0.8, "c": 1.25}}]
-    known = Corrections(dark=0.1, gain=2.0)
-    lines = [yaml.safe_load(one)["corrections"] for one in lines_for_gains(gains, names, known)]
-    assert lines == [{"dark": {"b": 0.11}}, {"gain": {"b": 1.6, "c": 2.5}}]
+    scan = load_scan(folder).only(*names)
+    assert lines_for(gains, scan) == {
+        "dark": {"cam01": 0.02},
+        "gain": {"cam01": 0.8, "cam02": 1.25},
+    }
+    known = replace(scan, corrections=Corrections(dark={"cam01": 0.1, "cam02": 0.2}, gain=2.0))
+    assert lines_for(gains, known) == {
+        "dark": {"cam01": 0.11, "cam02": 0.2},
+        "gain": {"cam01": 1.6, "cam02": 2.5},
+    }
     # (raw - 0.11) * 1.6 = (b - 0.02) / 1.25 with b = (raw - 0.1) * 2
     assert pytest.approx(((0.5 - 0.1) * 2 - 0.02) / 1.25) == (0.5 - 0.11) * 1.6
 
 
-def test_one_number_stands_for_a_dark_level_that_all_cameras_share():
-    error = np.full(3, 1e-4)
+def test_one_number_stands_for_a_dark_level_that_all_cameras_share(folder):
+    error, scan = np.full(3, 1e-4), load_scan(folder).only("cam00", "cam01", "cam02")
     gains = Gains(np.ones(3), np.array([0.0201, 0.02, 0.0199]), error, error)
-    assert lines_for_gains(gains, "abc", Corrections()) == ("corrections: {dark: 0.02}",)
+    assert lines_for(gains, scan) == {"dark": 0.02}
     unsure = replace(gains, offset_error=np.full(3, 0.01))
-    assert lines_for_gains(unsure, "abc", Corrections()) == ()
+    assert lines_for(unsure, scan) == {}
+
+
+def test_a_dark_image_is_no_number_to_write(folder):
+    scan = load_scan(folder).only("cam00", "cam01")
+    dark = {"cam00": np.zeros(scan.rig["cam00"].image_size[::-1], np.float32)}
+    known = replace(scan, corrections=Corrections(dark=dark))
+    line = line_for_dark({"cam01": 0.02}, scan.rig.names, known, fitted=False)
+    assert lines_of([line]) == {}
+    assert "Check the dark frames" in line
+
+
+PEDESTALS = {
+    "the same": dict.fromkeys(range(6), 0.04),
+    "one more": {**dict.fromkeys(range(6), 0.04), 3: 0.1},
+    "different": {number: 0.03 + 0.01 * number for number in range(6)},
+}
+
+
+@pytest.mark.parametrize(
+    ("pedestal", "options"),
+    [
+        *((one, Options(method="mlem", iterations=5, uncertainty=0)) for one in PEDESTALS),
+        ("one more", Options(uncertainty=0)),  # gains and backgrounds are fitted
+    ],
+)
+def test_one_dark_level_is_proposed_for_all_cameras(taken, pedestal, options):
+    level = PEDESTALS[pedestal]
+    scan = taken(lambda name, image: image + level[int(name[-1])])
+    found = reconstruct(scan, options=options)
+    lines = [*found.warnings, *found.verdict.next]
+    assert len(re.findall(r"dark: [{\d]", "\n".join(lines))) == 1
+    dark = lines_of(found.warnings)["dark"]
+    assert isinstance(dark, dict) == (pedestal != "the same")
+    for number, true in level.items():
+        own = dark[f"cam{number:02d}"] if isinstance(dark, dict) else dark
+        assert own == pytest.approx(true, abs=0.004)
+    if options.method == "mlem":
+        mended = replace(scan, corrections=Corrections(bit_depth=12, dark=dark))
+        assert lines_of(reconstruct(mended, options=options).warnings) == {}
 
 
 def test_saturated_pixels_are_left_out_with_a_line(taken):

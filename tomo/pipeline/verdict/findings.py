@@ -88,8 +88,14 @@ def outside(low: float, high: float, report: Facts) -> Iterator[Facts]:
 
 
 def levels(key: str, report: Facts) -> Iterator[Facts]:
-    """Yield the camera with the largest of the screening's levels, such as ``background``."""
-    levels = _part(report, "screening", key)
+    """Yield the camera with the largest of the screening's levels, such as ``background``.
+
+    A camera of which the same stands among those that the others contradict is not named twice.
+    """
+    own = _part(report, "screening", "cameras").items()
+    first = {name: (found.get("causes") or [{}])[0].get("cause") for name, found in own}
+    said = {name for name, cause in first.items() if cause == key}
+    levels = {n: v for n, v in _part(report, "screening", key).items() if n not in said}
     if levels:
         camera = _largest(levels)
         yield {"camera": camera, "level": levels[camera], "cameras": _count(levels)}

@@ -112,7 +112,7 @@ RULES: tuple[Rule, ...] = (
          "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light"),
     Rule(AMBER, partial(findings.levels, "background"),
          "light everywhere in the images of {cameras}, {camera} most ({level:.3g})",
-         "Subtract the background: add it to the dark level in scan.yaml (corrections: dark)"),
+         "Subtract the background: the warning on the dark level has the line for scan.yaml"),
     Rule(AMBER, partial(findings.levels, "below_zero"),
          "too much was subtracted as dark in {cameras}, {camera} most ({level:.3g})",
          "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)"),
