@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.recordings import image_notes
 from tomo.grid import VoxelGrid
-from tomo.measurement import DeadLines
+from tomo.measurement import DeadLines, StoredBits
+from tomo.measurement.stored_bits import FULL
 from tomo.pipeline.stage import Record, timed
 from tomo.rays.visible_pixels import pixels_of_hardware
 from tomo.scan import Scan
@@ -63,9 +66,10 @@ def load(
     with timed() as stage:
         stage.warnings += doubts
         name = scan.frame(frame).name
-        images, masks, saturated, dead = scan.read_with_faults(name)
+        images, masks, saturated, dead, bits = scan.read_with_faults(name)
         stage.warnings += _of_saturation(saturated)
         stage.warnings += _of_dead_lines(dead)
+        stage.warnings += _of_bits(bits)
         stage.warnings += scan.remarks
         stage.warnings += image_notes(
             {
@@ -116,3 +120,35 @@ def _of_dead_lines(found: Mapping[str, DeadLines]) -> list[str]:
         "pixels know, or mask them in scan.yaml (corrections: mask)"
         for name, lines in found.items()
     ]
+
+
+def _of_bits(found: Mapping[str, StoredBits | None]) -> list[str]:
+    """Return a line for each number of bits that cameras store in 16 without saying so."""
+    alike: dict[tuple[int, int], list[str]] = {}
+    for name, one in found.items():
+        if one is not None and one.bits is not None:
+            alike.setdefault((one.bits, one.shift), []).append(name)
+    lines = []
+    for (bits, shift), names in alike.items():
+        first, step = cast("StoredBits", found[names[0]]), 2**shift
+        others = f" (and of {len(names) - 1} more)" if len(names) > 1 else ""
+        if shift:
+            what = f"hold multiples of {step} alone: {bits} bits, shifted up"
+            means = f"and a count of the camera is {step} of {FULL}"
+            do, name = "leave them out", "saturation"
+            value: float = math.floor(1e3 * first.full_scale / FULL) / 1e3  # as a line writes it
+        else:
+            what = f"end at {first.largest}, which {first.pixels} pixels have: {bits} bits"
+            means = f"and dark levels and the volume are in parts of {FULL}"
+            do, name, value = f"leave them out and divide by {first.largest}", "bit_depth", bits
+        all_fit = all(
+            one is not None and one.largest <= first.full_scale and one.shift >= shift
+            for one in found.values()
+        )
+        line = correction_line(name, value if all_fit else dict.fromkeys(names, value))
+        lines.append(
+            f"bits: 16-bit images of camera {names[0]}{others} {what}. Saturated pixels, at "
+            f"{first.full_scale}, are not recognised, {means}. To {do}, write into scan.yaml: "
+            f"{line}"
+        )
+    return lines

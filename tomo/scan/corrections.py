@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rigs.recordings.mosaic import COLOURS, Mosaic
 from rigs.recordings.still import CHANNELS
 from tomo.measurement import DeadLines, find_dead_lines
+from tomo.measurement.stored_bits import FULL, StoredBits, stored_bits
 from tomo.scan.image_source import ImageSource, holds_integers, read_intensities
 
 
@@ -115,7 +116,9 @@ class Corrections:
         size: tuple[int, int],
         source: Path | None = None,
         per_count: float | None = None,
-    ) -> tuple[NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], DeadLines]:
+    ) -> tuple[
+        NDArray[np.float32], NDArray[np.bool_], NDArray[np.bool_], DeadLines, StoredBits | None
+    ]:
         """Read a camera's image, unless it is in memory, and correct it.
 
         Parameters
@@ -140,6 +143,9 @@ class Corrections:
             True where an integer pixel is at full scale: its light is not known.
         dead_lines : DeadLines
             Rows and columns that are not usable, see `tomo.measurement.find_dead_lines`.
+        bits : StoredBits or None
+            What integers of 16 bits say about the camera's; None of other images, and where
+            `bit_depth` or `saturation` says it.
 
         Raises
         ------
@@ -167,6 +173,8 @@ class Corrections:
         if dead_lines:
             usable &= ~dead_lines.pixels(usable.shape)
         saturation = self.of("saturation", camera)
+        is_known = full_scale != FULL or bits is not None or saturation is not None
+        stored = None if is_known else stored_bits(np.rint(raw * np.float32(FULL)))
         if saturation is not None:
             usable = usable & (raw < saturation)
         values = raw if dark is None else raw - dark
@@ -178,7 +186,7 @@ class Corrections:
             values = values * gain
         if per_count is not None:
             values = values * np.float64(full_scale * per_count)
-        return np.where(usable, values, 0).astype(np.float32), usable, full, dead_lines
+        return np.where(usable, values, 0).astype(np.float32), usable, full, dead_lines, stored
 
     def _check_scale(self, image: ImageSource, camera: str, source: Path | None) -> None:
         """Refuse corrections in a camera's counts: they would never, or always, be reached."""
@@ -247,18 +255,20 @@ def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def correction_line(correction: str, values: float | Mapping[str, float]) -> str:
-    """Return the line of a scan.yaml with one correction, numbers rounded to three digits.
+    """Return the line of a scan.yaml with one correction, fractions rounded to three digits.
 
     >>> correction_line("dark", {"cam03": 0.015712})
     'corrections: {dark: {cam03: 0.0157}}'
     """
     import yaml
 
-    rounded: float | dict[str, float]
+    def rounded(value: float) -> float:
+        return value if isinstance(value, int) else float(f"{value:.3g}")
+
     if isinstance(values, Mapping):
-        rounded = {name: float(f"{value:.3g}") for name, value in values.items()}
+        written: Any = {name: rounded(value) for name, value in values.items()}
     else:
-        rounded = float(f"{values:.3g}")
-    content = {"corrections": {correction: rounded}}
+        written = rounded(values)
+    content = {"corrections": {correction: written}}
     text = yaml.safe_dump(content, default_flow_style=True, width=math.inf, sort_keys=False)
     return text.strip()[1:-1]

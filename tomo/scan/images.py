@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
-from tomo.measurement import DeadLines
+from tomo.measurement import DeadLines, StoredBits
 from tomo.scan.corrections import Corrections
 from tomo.scan.frames import Frame, find_frame
 from tomo.scan.image_source import holds_integers, is_of_8_bits
@@ -100,18 +100,22 @@ class ScanImages:
 
     def read_with_faults(
         self, frame: str | None = None
-    ) -> tuple[Images, Masks, dict[str, float], dict[str, DeadLines]]:
-        """Return what `read` does, the fraction of bright pixels at full scale, and dead lines.
+    ) -> tuple[
+        Images, Masks, dict[str, float], dict[str, DeadLines], dict[str, StoredBits | None]
+    ]:
+        """Return what `read` does, the fraction of bright pixels at full scale, dead lines, bits.
 
-        Both by camera. Pixels are bright at full scale and above half of the brightest other one;
+        All by camera. Pixels are bright at full scale and above half of the brightest other one;
         the fraction is 0 for images of no integers. Dead lines are those of images as recorded,
-        before they are shrunk; only cameras that have some are named.
+        before they are shrunk; only cameras that have some are named. Bits are what integers of
+        16 bits say about the camera's, see `Corrections.corrected`.
         """
         chosen, names = self.frame(frame), self.rig.names
         found = [self._read_one(chosen, name) for name in names]
-        images, masks, saturated, dead = map(list, zip(*found, strict=True))
-        lines = {name: each for name, each in zip(names, dead, strict=True) if each}
-        return images, masks, dict(zip(names, saturated, strict=True)), lines
+        images, masks, *others = map(list, zip(*found, strict=True))
+        saturated, dead, bits = (dict(zip(names, each, strict=True)) for each in others)
+        lines = {name: each for name, each in dead.items() if each}
+        return images, masks, saturated, lines, bits
 
     def holds_integers(self, frame: str | None = None) -> bool:
         """Tell whether all images of a frame hold integers, which reading scales to 0..1."""
@@ -187,7 +191,9 @@ class ScanImages:
             )
         return data, grid
 
-    def _read_one(self, frame: Frame, camera: str) -> tuple[NDArray, NDArray, float, DeadLines]:
+    def _read_one(
+        self, frame: Frame, camera: str
+    ) -> tuple[NDArray, NDArray, float, DeadLines, StoredBits | None]:
         if camera not in frame.images:
             raise ValueError(
                 f"{self._where}frame {frame.name!r}: camera {camera}: found no image, "
@@ -195,13 +201,13 @@ class ScanImages:
             )
         path, size = frame.images[camera], self.recorded_sizes[camera]
         per_count = None if self.per_count is None else self.per_count[camera]
-        image, usable, full, dead = self.corrections.corrected(
+        image, usable, full, dead, bits = self.corrections.corrected(
             path, camera, size, self.source, per_count
         )
         count = np.count_nonzero(full)
         bright = np.count_nonzero(image > 0.5 * image.max(initial=0.0)) if count else 0
         saturated = count / (count + bright) if count else 0.0
-        return _means(image, self.shrink), _all(usable, self.shrink), saturated, dead
+        return _means(image, self.shrink), _all(usable, self.shrink), saturated, dead, bits
 
 
 def _blocks(image: NDArray, factor: int) -> NDArray:

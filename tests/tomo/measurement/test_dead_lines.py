@@ -62,7 +62,7 @@ def test_they_are_left_out_before_images_are_shrunk_and_are_named():
     image[61] = 0
     rig = ring(1, distance=200.0, image_size=image.shape[::-1], footprint=0.5)
     scan = Scan.from_arrays(rig, {rig.names[0]: image}).scaled(4)
-    _, (usable,), _, dead = scan.read_with_faults()
+    _, (usable,), _, dead, _ = scan.read_with_faults()
     assert np.flatnonzero(~usable.any(axis=1)).tolist() == [15]
     assert usable.sum() == usable.size - usable.shape[1]
     assert {name: str(lines) for name, lines in dead.items()} == {rig.names[0]: "row 61"}

@@ -89,7 +89,7 @@ def test_integers_at_full_scale_are_left_out(rig, kind, bits, full):
     image[2, 3:5] = full
     corrections = Corrections(bit_depth=bits, dark=0.01)
     scan = Scan.from_arrays(rig[:1], {"left": image}, corrections=corrections)
-    (shown,), (usable,), saturated, _ = scan.read_with_faults()
+    (shown,), (usable,), saturated, *_ = scan.read_with_faults()
     expected = [[2, 3], [2, 4]] if kind is not np.float32 else []
     assert np.argwhere(~usable).tolist() == expected
     assert saturated["left"] == pytest.approx(len(expected) / (height * width))
