@@ -64,6 +64,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
                 "beyond_noise": view.beyond_noise,
                 "gain": view.gain,
                 "psnr": view.psnr(outcome.data_range),
+                "status": outcome.rig[view.name].status,
                 "held_out": view.held_out,
                 "excluded": view.excluded,
             }

@@ -85,11 +85,14 @@ def _frames(table: SeriesTable) -> Iterator[dict[str, Any]]:
     excluded = (plan.get("screening") or {}).get("excluded") or []
     common = {k: plan.get(k) for k in ("screening", "alignment", "refinement", "explanation")}
     common["uncertainty"] = {"voxels": plan.get("voxels")}
+    cameras = (about.get("rig") or {}).get("cameras") or ()
+    status = {one["name"]: one.get("status") for one in cameras}
     beyond = table.columns["view_beyond_noise"]
     for place in np.flatnonzero(table.store.complete):
         views = {
             name: {
                 "beyond_noise": None if math.isnan(value) else float(value),
+                "status": status.get(name),
                 "held_out": name in held_out,
                 "excluded": name in excluded,
             }

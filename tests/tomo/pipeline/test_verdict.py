@@ -74,6 +74,8 @@ CASES = [
     (changed(alignment__accepted=True, alignment__shifts={"cam01": [3.0, 4.0]}), AMBER,
      "5.0 pixels"),
     (changed(refinement={"accepted": True, "cameras": {"cam01": {}}}), AMBER, "corrected"),
+    (changed(views__cam02__status="nominal"), AMBER, "positions of 1 camera are nominal"),
+    (changed(views__cam02__status="calibrated", views__cam03__status="virtual"), GREEN, "noise"),
     (changed(screening__light_outside_grid={"cam02": 0.3}), RED, "the grid cuts the flame: 30%"),
     (changed(screening__light_outside_grid={"cam02": 0.05}), AMBER, "5% of camera cam02"),
     (changed(screening__background={"cam02": 0.05}), AMBER, "light everywhere"),
@@ -164,3 +166,15 @@ def test_three_views_are_amber():
 def test_a_wrong_rig_is_red():
     shifts = np.random.default_rng(0).uniform(-7, 7, (6, 2))
     assert verdict_of(6, shifts, uncertainty=0, learn=False).level == RED
+
+
+def test_refined_nominal_cameras_are_said_once_and_stay_amber_with_the_refined_rig():
+    """Images that were explained by moving the cameras do not prove where these are."""
+    views = {name: view | {"status": "nominal"} for name, view in GOOD["views"].items()}
+    refined = judge(changed(views=views, refinement={"accepted": True, "cameras": dict(views)}))
+    again = judge(changed(views=views))
+    assert refined.level == again.level == AMBER
+    assert [one for one in refined.reasons if "positions" in one] == [
+        "the positions of 8 cameras were corrected from the images"
+    ]
+    assert "8 cameras are nominal" in again.reasons[0]

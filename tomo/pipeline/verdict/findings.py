@@ -78,6 +78,13 @@ def refined(report: Facts) -> Iterator[Facts]:
         yield {"cameras": _count(found["cameras"])}
 
 
+def nominal(report: Facts) -> Iterator[Facts]:
+    """Yield how many cameras nobody calibrated; where some were refined, that is said instead."""
+    found = [name for name, view in _used(report).items() if view.get("status") == "nominal"]
+    if found and not any(refined(report)):
+        yield {"cameras": _count(found)}
+
+
 def outside(low: float, high: float, report: Facts) -> Iterator[Facts]:
     """Yield the camera with most light from outside the grid, where that is within bounds."""
     known, lit = _part(report, "screening"), _part(report, "screening", "background")

@@ -175,6 +175,10 @@ RULES: tuple[Rule, ...] = (
     Rule(AMBER, findings.refined,
          "the positions of {cameras} were corrected from the images",
          "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store"),
+    Rule(AMBER, findings.nominal,
+         "the positions of {cameras} are nominal, not calibrated: images that agree do not prove "
+         "them",
+         "Calibrate them (calibrate-rig); where they were, say status: calibrated in the rig file"),
     Rule(AMBER, findings.unproved,
          "how far off voxels are was not measured",
          "Reconstruct single frames (--uncertainty auto), or hold a camera out (--hold-out NAME)"),
