@@ -86,7 +86,9 @@ def reconstruct(
         str | None,
         typer.Option(metavar="r|g|b", help="The colour to reconstruct of images in colour."),
     ] = None,
-    scale: Annotated[int, typer.Option(help="Shrink the images by area means.", min=1)] = 1,
+    scale: Annotated[
+        int, typer.Option(help="Shrink the images by area means; in Python scan.scaled(N).", min=1)
+    ] = 1,
     workers: Annotated[
         int | None,
         typer.Option(

@@ -13,11 +13,10 @@ import typer
 
 from tomo.cli.console import say
 from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import PatternOption, load_rig_and_grid
+from tomo.cli.inputs import PatternOption
 
 if TYPE_CHECKING:
     from tomo import Scan
-    from tomo.view import Content
 
 EXAMPLES = """
 flametomo view out
@@ -65,9 +64,10 @@ def view(
     pip install 'flametomo[viewer]'.
     """
     with bad_input_in_one_line():
-        content = _content(shown, _scan(scan, rig, images, pattern))
-        from tomo.view import Viewer
+        known = _scan(scan, rig, images, pattern)
+        from tomo.view import Viewer, content_of
 
+        content = content_of(shown, known)
         viewer = Viewer(content, port)
     for note in content.notes:
         say(f"note: {note}", "yellow")
@@ -93,33 +93,6 @@ def _scan(
     if (scan, rig, images, pattern) != (None,) * 4:
         raise ValueError("--scan: expected either a scan, or --rig and --images together")
     return None
-
-
-def _content(shown: str, scan: Scan | None) -> Content:
-    """Return what to show, by what is at the path."""
-    from tomo import view as viewer
-    from tomo.report.outcome_files import FIGURES
-
-    path = Path(shown)
-    if path.suffix == ".zarr":
-        return viewer.content_of_film(path, scan)
-    if (path / FIGURES).is_file():
-        return viewer.content_of_outcome(path, scan)
-    if path.is_file() and path.name.lower().endswith(_VOLUMES):
-        return viewer.content_of_volume(path)
-    loaded, grid = load_rig_and_grid(shown)
-    if scan is None and _is_scan(path):
-        from tomo import load_scan
-
-        scan = load_scan(path)
-    return viewer.content_of_rig(path.stem, loaded, grid, scan)
-
-
-_VOLUMES = (".npz", ".vti", ".nrrd", ".mha", ".nii", ".nii.gz")
-
-
-def _is_scan(path: Path) -> bool:
-    return path.name == "scan.yaml" or (path / "scan.yaml").is_file()
 
 
 def _has_display() -> bool:

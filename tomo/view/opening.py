@@ -12,8 +12,10 @@ from typing import Any
 import numpy as np
 
 from rigs import Rig, load_rig
+from tomo.draw.volume.given import Volume, volume_of
 from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
+from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan, load_scan
 from tomo.series.store import FORMAT, SeriesStore
@@ -42,29 +44,56 @@ def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
         If there is no volume.
     """
     report = _report(folder / FIGURES)
-    data, grid, length_unit, value_unit = read_volume_with_unit(
-        folder / VOLUME_FILES[0], allow_nan=True
+    volume = volume_of(folder / VOLUME_FILES[0])
+    refined = load_rig(folder / RIG_FILE) if (folder / RIG_FILE).is_file() else None
+    return _content_of_report(folder.name, volume, report, refined, None, scan, folder)
+
+
+def content_of_result(result: Reconstruction, scan: Scan | None = None) -> Content:
+    """Return the content of a reconstruction in memory.
+
+    Parameters
+    ----------
+    result : Reconstruction
+    scan : Scan, optional
+        The scan it was made from; the file it came from when None.
+    """
+    own, refined = volume_of(result), result.refined_rig
+    return _content_of_report(
+        "reconstruction", own, result.report(), refined, result.rig, scan, Path()
     )
+
+
+def _content_of_report(
+    title: str,
+    volume: Volume,
+    report: Mapping[str, Any],
+    refined: Rig | None,
+    rig: Rig | None,
+    scan: Scan | None,
+    folder: Path,
+) -> Content:
+    """Return the content of a volume and its report; ``rig`` is shown where no scan is known."""
     about = report.get("scan") or {}
     notes: list[str] = []
     scan = scan or _found_scan(about.get("source"), folder, notes)
-    rig = refined = load_rig(folder / RIG_FILE) if (folder / RIG_FILE).is_file() else None
+    rig = refined or rig
     if scan is not None:
         scan = _as_reconstructed(scan, refined, about)
         rig = scan.rig
-        _check_lengths(scan, length_unit, folder)
+        _check_lengths(scan, volume.length_unit, folder)
     views = report.get("views") or {}
     name = about.get("frame")
     moments = () if scan is None else (scan.frame(name).name,)
     return Content(
-        folder.name,
+        title,
         rig,
-        grid,
-        Frames(moments or (name or "volume",), lambda place: data),
+        volume.grid,
+        Frames(moments or (name or "volume",), lambda place: volume.data),
         scan,
         moments,
-        value_unit,
-        length_unit,
+        volume.value_unit,
+        volume.length_unit,
         Model.of(report.get("basis"), report.get("gains")),
         lambda camera, place: (views.get(camera) or {}).get("relative_residual"),
         tuple(notes),
@@ -194,7 +223,11 @@ def _as_reconstructed(scan: Scan, rig: Rig | None, about: Mapping[str, Any]) -> 
                     f"pixels, expected {camera.image_size[0]} x {camera.image_size[1]}, those "
                     "that the outcome was made from"
                 )
-        scan = replace(known, rig=replace(rig, cameras=cameras), recorded_sizes=None)
+        if scan.shrink == 1:
+            scan = replace(known, rig=replace(rig, cameras=cameras), recorded_sizes=None)
+        else:  # of a scan in memory: its sizes are those recorded already
+            small = tuple(camera.shrunk(scan.shrink) for camera in cameras)
+            scan = replace(known, rig=replace(rig, cameras=small))
     own = scan.corrections
     channel, bayer = about.get("channel"), about.get("bayer")
     if isinstance(channel, str) and own.channel is None:

@@ -6,8 +6,10 @@ import contextlib
 import io
 import logging
 import math
+import re
 import socket
 from collections.abc import Iterator
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -26,6 +28,10 @@ PORT = 8080
 
 FIELD_OF_VIEW = 0.7
 """Upright angle of the page's eye in radians; more distorts what is near the border."""
+
+ORIGINS = (None, re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?"))
+"""Whose pages may connect: those of this machine, by any port, as a tunnel may have another, and
+programs, which send no origin. A page from elsewhere would read volumes without being seen."""
 
 _PORTS = 1000  # tried, one after the other
 
@@ -71,7 +77,7 @@ def local_server(port: int, title: str) -> viser.ViserServer:
 
     # a browser that opens a connection and thinks better of it is no news
     logging.getLogger("websockets.server").addHandler(logging.NullHandler())
-    with _quiet(viser):
+    with _quiet(viser), _own_pages_only():
         server = LocalServer(host=HOST, port=port, label=title, verbose=False)
     server.gui.configure_theme(
         control_width="medium", show_logo=False, show_share_button=False, dark_mode=True
@@ -103,6 +109,23 @@ def _quiet(viser: ModuleType) -> Iterator[None]:
     finally:
         if builder is not None and build is not None:
             builder.ensure_client_is_built = build
+
+
+@contextlib.contextmanager
+def _own_pages_only() -> Iterator[None]:
+    """Start a server that pages of other origins cannot connect to.
+
+    viser has no setting for it and calls ``serve`` of websockets by its public name, which has
+    one: for the start, that name stands for ``serve`` with these origins.
+    """
+    from websockets.asyncio import server
+
+    plain = server.serve
+    server.serve = partial(plain, origins=ORIGINS)  # type: ignore[misc, assignment]
+    try:
+        yield
+    finally:
+        server.serve = plain  # type: ignore[misc]
 
 
 def add_lights(server: viser.ViserServer, up: Up) -> None:

@@ -94,6 +94,11 @@ class Viewer:
     def __repr__(self) -> str:
         return f"<Viewer of {self.content.title!r} at {self.url}>"
 
+    def _repr_html_(self) -> str:
+        """Return what a notebook shows: the page, where the notebook runs on this machine."""
+        frame = 'style="width:100%;height:600px;border:0"'
+        return f'<a href="{self.url}">{self.url}</a><br><iframe src="{self.url}" {frame}></iframe>'
+
     @property
     def place(self) -> int:
         """The place of the frame that is shown."""

@@ -178,7 +178,7 @@ RULES: tuple[Rule, ...] = (
     Rule(AMBER, findings.nominal,
          "the positions of {cameras} are nominal, not calibrated: images that agree do not prove "
          "them",
-         "Calibrate them (calibrate-rig); where they were, say status: calibrated in the rig file"),
+         "Calibrate them (calibrate-rig); where they were, say status: calibrated in the rig"),
     Rule(AMBER, findings.unproved,
          "how far off voxels are was not measured",
          "Reconstruct single frames (--uncertainty auto), or hold a camera out (--hold-out NAME)"),

@@ -1,0 +1,84 @@
+"""Whatever can be shown, by its value or its path, in a page that this machine serves."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from rigs import Rig, load, preset_names
+from tomo.grid import grid_of_rig
+from tomo.pipeline import Reconstruction
+from tomo.report.outcome_files import FIGURES
+from tomo.scan import Scan, load_scan
+from tomo.scan.files import is_scan_file
+from tomo.series.store import SeriesStore
+from tomo.view.content import Content
+from tomo.view.opening import (
+    content_of_film,
+    content_of_outcome,
+    content_of_result,
+    content_of_rig,
+    content_of_volume,
+)
+from tomo.view.server import PORT
+from tomo.view.viewer import Viewer
+
+Shown = Reconstruction | Rig | Scan | SeriesStore | str | os.PathLike
+
+_VOLUMES = (".npz", ".vti", ".nrrd", ".mha", ".nii", ".nii.gz")
+
+
+def show(shown: Shown, scan: Scan | None = None, *, port: int = PORT) -> Viewer:
+    """Show a volume with its cameras, a film, a rig or a scan; return while the page is served.
+
+    Parameters
+    ----------
+    shown : Reconstruction, Rig, Scan, SeriesStore or path
+        A path is what ``flametomo view`` takes: what ``reconstruct`` wrote, a volume, a rig or a
+        scan.
+    scan : Scan, optional
+        The scan that the volume was made from; the one on record when None.
+    port : int
+        The first free one from here on is taken.
+
+    Returns
+    -------
+    Viewer
+        Its ``url`` is the page; ``stop()`` ends it. A notebook shows the page below the cell.
+
+    Raises
+    ------
+    ValueError
+        If viser is not installed, or there is nothing to show.
+    FileNotFoundError
+        If there is nothing at the path.
+    """
+    return Viewer(content_of(shown, scan), port)
+
+
+def content_of(shown: Shown, scan: Scan | None = None) -> Content:
+    """Return what to show of a value, or by what is at the path."""
+    if isinstance(shown, Reconstruction):
+        return content_of_result(shown, scan)
+    if isinstance(shown, SeriesStore):
+        return content_of_film(shown.path, scan)
+    if isinstance(shown, Scan):
+        return _content_of_scan("scan" if shown.source is None else shown.source.stem, shown)
+    if isinstance(shown, Rig):
+        return content_of_rig("rig", shown, grid_of_rig(shown), scan)
+    text, path = os.fspath(shown), Path(shown)
+    if path.suffix == ".zarr":
+        return content_of_film(path, scan)
+    if (path / FIGURES).is_file():
+        return content_of_outcome(path, scan)
+    if path.is_file() and path.name.lower().endswith(_VOLUMES):
+        return content_of_volume(path)
+    is_scan = (path / "scan.yaml").is_file() or is_scan_file(path)
+    if is_scan and text not in preset_names():
+        return _content_of_scan(path.stem, load_scan(path) if scan is None else scan)
+    rig = load(text)
+    return content_of_rig(path.stem, rig, grid_of_rig(rig), scan)
+
+
+def _content_of_scan(title: str, scan: Scan) -> Content:
+    return content_of_rig(title, scan.rig, scan.grid or grid_of_rig(scan.rig), scan)
