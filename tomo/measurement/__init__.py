@@ -12,6 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],
         "saturation": ["cut_off_level"],
-        "stored_bits": ["StoredBits", "stored_bits"],
+        "stored_bits": ["StoredBits"],
     },
 )

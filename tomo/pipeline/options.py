@@ -26,6 +26,9 @@ class Options(Declared):
 
     A value is checked where it is declared, and a ValueError names the option, what was found and
     what was expected. Numbers may be given as text, names as one text with commas.
+
+    The command's ``--scale N`` and ``--channel`` change the scan: ``scan.scaled(N)`` and
+    `tomo.Scan.of_channel`.
     """
 
     method: str = option(
