@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import TypeAlias
 
 from rigs import Rig, load, preset_names
 from tomo.grid import grid_of_rig
@@ -23,7 +24,7 @@ from tomo.view.opening import (
 from tomo.view.server import PORT
 from tomo.view.viewer import Viewer
 
-Shown = Reconstruction | Rig | Scan | SeriesStore | str | os.PathLike
+Shown: TypeAlias = Reconstruction | Rig | Scan | SeriesStore | str | os.PathLike
 
 _VOLUMES = (".npz", ".vti", ".nrrd", ".mha", ".nii", ".nii.gz")
 
