@@ -7,11 +7,8 @@ by a finder of its own in `FINDERS`; they are asked in their order, the likelies
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
-from tomo.measurement import estimate_noise
-from tomo.screening import find_exchanged
 from tomo.screening.screening import OUTSIDE
 
 Finder = Callable[[Any], Iterator[str]]
@@ -39,25 +36,6 @@ def likely_causes(outcome: Any) -> tuple[str, ...]:
         Each fits after "likely causes:"; empty where nothing was found.
     """
     return tuple(cause for find in FINDERS for cause in find(outcome))
-
-
-def _exchanged(outcome: Any) -> Iterator[str]:
-    names = outcome.rig.names
-    used = [view for view in outcome.views if view.takes_part and view.name in names]
-    noise = [estimate_noise(view.measured, view.usable) for view in used]
-    found = find_exchanged(
-        replace(outcome.rig, cameras=tuple(outcome.rig[view.name] for view in used)),
-        [view.measured for view in used],
-        [view.usable for view in used],
-        outcome.solution.grid,
-        noise,
-    )
-    if found is not None:
-        one, other = found.cameras
-        yield (
-            f"cameras {one} and {other} have each other's images (exchanged, {found.left:.0%} of "
-            "the squared error of all is left: exchange their folders of images)"
-        )
 
 
 def _background(outcome: Any) -> Iterator[str]:
@@ -113,7 +91,6 @@ def _cameras(outcome: Any) -> Iterator[str]:
 
 
 FINDERS: tuple[Finder, ...] = (
-    _exchanged,
     _background,
     _light_outside,
     _below_zero,

@@ -10,7 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig
+from rigs import CameraLike, Rig, box_points
 from tomo.grid import VoxelGrid
 
 COARSEST = 24
@@ -63,12 +63,27 @@ def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int = COARSES
     """Return by how much to enlarge voxels and pixels for about ``segments`` segments.
 
     ``coarsest`` is what stays at least: voxels along the grid's longest edge, and pixels along an
-    image's shortest.
+    image's shortest. Pixels count that lie in the rectangle that the grid fills of an image: the
+    others have no segments.
     """
-    pixels = sum(math.prod(camera.image_size) for camera in rig)
+    pixels = sum(_pixels_on(camera, grid) for camera in rig)
     wanted = round((pixels * sum(grid.shape) / 3 / segments) ** (1 / 3))
     most = min(max(grid.shape) // coarsest, min(min(c.image_size) for c in rig) // coarsest)
     return max(min(wanted, most), 1)
+
+
+def _pixels_on(camera: CameraLike, grid: VoxelGrid) -> float:
+    """Return the pixels of the rectangle that a grid fills of an image.
+
+    They are all pixels of a camera that does not see all of the grid's corners once, such as one
+    behind a mirror.
+    """
+    size = np.array(camera.image_size, float)
+    uv, _, valid = camera.project(box_points(grid.lower, grid.upper, 2))
+    if not (camera.sees_once and np.all(valid)):
+        return float(size.prod())
+    low, high = (np.clip(end, -0.5, size - 0.5) for end in (uv.min(axis=0), uv.max(axis=0)))
+    return float((high - low).prod())
 
 
 def _coarser_grid(grid: VoxelGrid, factor: int) -> VoxelGrid:

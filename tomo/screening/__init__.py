@@ -9,6 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "left_out_prediction": ["PredictedViews"],
         "outside_light": ["light_outside"],
         "screening": ["Screening", "screen_images"],
+        "turned_over": ["TurnedOver", "find_turned_over"],
         "single_camera": ["CameraFinding", "cameras_that_stand_out"],
     },
 )

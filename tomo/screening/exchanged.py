@@ -19,7 +19,6 @@ from tomo.measurement import NoiseModel
 from tomo.operators.system import VolumeNotSeenError
 from tomo.screening.left_out_prediction import PredictedViews
 from tomo.screening.single_camera import EXPLAINS, errors_of
-from tomo.solvers.initial_volume import log_back_projections
 
 SUSPECTS = 8
 """Views explained least, whose pairs are tried: 28 volumes of the coarse system at most."""
@@ -95,12 +94,5 @@ def _with_exchanged(views: PredictedViews, first: int, second: int) -> Predicted
     """Return the views with two images in each other's place."""
     order = list(range(len(views.noise)))
     order[first], order[second] = second, first
-    images = tuple(views.coarse.images[view] for view in order)
-    measured = views.system.flatten(images)
-    return replace(
-        views,
-        coarse=replace(views.coarse, images=images),
-        measured=measured,
-        noise=tuple(views.noise[view] for view in order),
-        back_projections=log_back_projections(views.system.projector, measured),
-    )
+    images = [views.coarse.images[view] for view in order]
+    return replace(views.with_images(images), noise=tuple(views.noise[view] for view in order))

@@ -163,11 +163,14 @@ class PredictedViews:
         volume = quick_volume(projector, measured, views, iterations=EXPLAINING)
         seen = system.images((projector @ volume).astype(np.float32))
         variances = [self._variance(view, image) for view, image in enumerate(seen)]
-        images = recorded(seen, coarse.masks, variances)
+        return self.with_images(recorded(seen, coarse.masks, variances))
+
+    def with_images(self, images: Sequence[NDArray[np.float32]]) -> Self:
+        """Return the views with other images ``(rows, columns)``, of the coarse size."""
         measured = self.system.flatten(images)
         back = log_back_projections(self.system.projector, measured)
-        changed = {"measured": measured, "back_projections": back}
-        return replace(self, coarse=replace(coarse, images=images), **changed)
+        coarse = replace(self.coarse, images=tuple(images))
+        return replace(self, coarse=coarse, measured=measured, back_projections=back)
 
     def left_out(self, view: int, volume: CommonVolume) -> LeftOutView:
         """Return a view with what a volume predicts of it and of the other cameras."""

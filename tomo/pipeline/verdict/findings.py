@@ -56,10 +56,18 @@ def cameras(kind: str, report: Facts) -> Iterator[Facts]:
         yield {"camera": name, "cause": first["words"], "needs": first["needs"], "done": done}
 
 
+def misplaced(held_out: bool, report: Facts) -> Iterator[Facts]:
+    """Yield images that are mirrored, turned or another camera's; of a held-out one, or not."""
+    found = _part(report, "answer", "misplaced")
+    if found and found["held_out"] == held_out:
+        needs = found["needs"][:1].upper() + found["needs"][1:]
+        yield {"reason": found["reason"], "needs": needs, "camera": found["cameras"][0]}
+
+
 def displaced(report: Facts) -> Iterator[Facts]:
     """Yield the camera that lies farthest from where the others predict it, if they disagree."""
     found = _part(report, "alignment", "displacement")
-    if found.get("disagrees"):
+    if found.get("disagrees") and not any(misplaced(False, report)):  # it moves the others too
         camera = _largest(found["pixels"])
         yield {"camera": camera, "pixels": found["pixels"][camera]}
 
