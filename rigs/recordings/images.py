@@ -84,6 +84,10 @@ def read_with_full_scale(
 ) -> tuple[NDArray[np.float32], int]:
     """Return what `read_image` does, and the full scale that integers were divided by, or 1."""
     path = Path(path)
+    if path.is_dir():
+        raise ValueError(
+            f"{path}: found a folder, expected one image: of several dark frames give the mean"
+        )
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         expected = ", ".join(IMAGE_SUFFIXES)
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")

@@ -53,7 +53,7 @@ def _of_intervals(report: Mapping, found: Mapping | None, unit: str, length: str
             f"{error:.1%}",
             "error to expect of a voxel",
             f"Root mean square, of a typical voxel that emits. Good: below {HARMFUL:.0%}. What no "
-            "camera measures is not in it.",
+            "camera measures is not in it, and what is wrong with images or cameras only in part.",
         ),
         (
             f"± {voxels['relative']:.1%}",

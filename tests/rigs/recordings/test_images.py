@@ -10,6 +10,11 @@ from rigs.recordings import is_integer_image, read_image, write_image
 RAMP = np.arange(12, dtype=np.uint8).reshape(3, 4)
 
 
+def test_a_folder_in_place_of_an_image_is_said_to_be_one(tmp_path):
+    with pytest.raises(ValueError, match="found a folder, expected one image.*the mean"):
+        read_image(tmp_path)
+
+
 def test_floats_stay_as_they_are(tmp_path):
     image = np.random.default_rng(0).normal(size=(5, 7)).astype(np.float32) * 1e3
     write_image(tmp_path / "a.tif", image)

@@ -1,4 +1,4 @@
-"""Images in the wrong place: named with the way to mend it, in the answer and first in the verdict."""
+"""Images in the wrong place are named first, with the way to mend it."""
 
 from types import SimpleNamespace
 
@@ -15,7 +15,7 @@ from tomo.pipeline.view import View
 from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((20, 32, 20), 1.0)
-RIG = rigs.ring(6, distance=300.0, image_size=(60, 72), footprint=0.5, pitch_degrees=12)
+RIG = rigs.ring(4, distance=300.0, image_size=(60, 72), footprint=0.5, pitch_degrees=12)
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +31,7 @@ def outcome(images, held_out=(), known=()):
         View(name, image, np.zeros_like(image), held_out=name in held_out)
         for name, image in zip(RIG.names, images, strict=True)
     )
-    screening = {"cameras": dict.fromkeys(known, {"causes": []})}
+    screening = {"cameras": {name: {"causes": []} for name in known}}
     nothing = {"alignment": None, "gains": None, "explanation": None}
     grid = SimpleNamespace(grid=GRID)
     return SimpleNamespace(rig=RIG, views=views, solution=grid, screening=screening, **nothing)
@@ -46,26 +46,27 @@ def test_nothing_is_misplaced_where_all_is_right(images):
 
 
 def test_exchanged_cameras_are_named_with_the_way_to_mend_it(images):
-    found = find_misplaced(outcome([images[5], *images[1:5], images[0]]))
-    assert found.reason == "cameras cam00 and cam05 have each other's images"
+    found = find_misplaced(outcome([images[1], images[0], *images[2:]]))
+    assert found.reason == "cameras cam00 and cam01 have each other's images"
     assert "exchange their folders" in found.needs
 
 
 def test_a_mirrored_camera_comes_first_in_the_verdict(images):
     answer = answer_of(outcome(mirrored(images, 2)))
     assert answer.causes[0].startswith("camera cam02's images are mirrored left to right")
-    pixels = {"disagrees": True, "pixels": {"cam03": 8.0}}
+    pixels = {"disagrees": True, "pixels": {"cam01": 8.0}}
     report = {"answer": answer.report(), "alignment": {"displacement": pixels}}
     verdict = judge(report)
     assert verdict.level == RED
     assert verdict.reasons[0] == "camera cam02's images are mirrored left to right"
     assert "image[:, ::-1]" in verdict.next[0]
-    assert not any("cam03" in reason for reason in verdict.reasons)  # it was pushed aside
+    assert not any("cam01" in reason for reason in verdict.reasons)  # it was pushed aside
 
 
 def test_a_held_out_camera_that_is_mirrored_checks_nothing(images):
     found = find_misplaced(outcome(mirrored(images, 2), held_out=("cam02",)))
-    assert found.held_out and found.cameras == ("cam02",)
+    assert found.held_out
+    assert found.cameras == ("cam02",)
     verdict = judge({"answer": {"verdict": "explained", "misplaced": found.report()}})
     assert verdict.level == AMBER
     assert "checks nothing" in verdict.reasons[0]

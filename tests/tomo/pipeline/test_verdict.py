@@ -58,6 +58,15 @@ def test_nothing_wrong_is_green_and_says_why_and_what_to_do():
     assert found.sentence.startswith("Green, use it: the volume explains")
 
 
+def misplaced(held_out):
+    found = {
+        "cameras": ["cam02"],
+        "reason": "camera cam02's images are mirrored",
+        "needs": "mend it",
+    }
+    return changed(answer__misplaced=found | {"left": 0.2, "held_out": held_out})
+
+
 FEW = [f"cam{n:02d}" for n in range(4)]
 
 
@@ -65,6 +74,8 @@ CASES = [
     (changed(answer__verdict="not explained", answer__beyond_noise=0.3), RED, "30%"),
     (changed(answer__verdict="partly explained", answer__beyond_noise=0.06), AMBER, "6.0%"),
     (changed(answer__verdict="not known", answer__beyond_noise=None), RED, "no image has light"),
+    (misplaced(False), RED, "camera cam02's images are mirrored"),
+    (misplaced(True), AMBER, "cam02's images are mirrored; it was held out"),
     (a_camera(), RED, "camera cam03 contradicts the others (pointing"),
     (a_camera("It is excluded"), AMBER, "cam03 contradicts the others (pointing, 3 pixels off): "
      "it is excluded"),
@@ -118,6 +129,15 @@ def test_the_gravest_reason_comes_first_and_steps_in_the_order_of_mending():
     assert "does not explain its images" in found.reasons[0]
     assert found.next[0] == "Camera cam03: Calibrate it again"
     assert found.sentence.endswith("and 1 more reason.")
+
+
+def test_cameras_refined_from_images_that_stay_unexplained_are_not_gone_on_with():
+    refined = {"accepted": True, "cameras": ["cam01"]}
+    assert any(
+        "Go on with the corrected rig" in one for one in judge(changed(refinement=refined)).next
+    )
+    found = judge(changed(refinement=refined, answer__verdict="not explained"))
+    assert any(one.startswith("Do not go on") for one in found.next)
 
 
 def test_every_rule_is_met_by_a_case_and_says_what_to_do():

@@ -25,7 +25,8 @@ _NO_FIGURE = "–"
 _COARSER = "details coarser without it by (voxels)"
 COARSER_IN_WORDS = (
     "Details coarser without it: by how much the size down to which 90 % of all details are "
-    "measured would grow without this camera; 0 where the others see as much."
+    "measured would grow without this camera; 0 where the others see as much. Nearest other view: "
+    "cameras that face each other see along one line."
 )
 _COMPARED = 500  # points of a volume at which two rigs are compared
 

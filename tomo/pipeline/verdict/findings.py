@@ -12,7 +12,7 @@ from typing import Any
 
 from rigs.check.resolved_wavelength import AS_LARGE
 from tomo.hull.margins import CARVED_AWAY
-from tomo.pipeline.answer import UNKNOWN_VERDICT
+from tomo.pipeline.answer import NOT_EXPLAINED, UNKNOWN_VERDICT
 from tomo.uncertainty.intervals import NORMAL
 from tomo.uncertainty.warnings import BARELY_SEEN, NOISY
 
@@ -23,6 +23,14 @@ LEARNED = {
     "off the axis, squared": "lenses that darken towards the corners",
 }
 """What ``learning.found`` stands for, in plain words."""
+
+
+GO_ON = "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store"
+STAY = (
+    "Do not go on with the corrected rig (refined_rig.yaml) yet: the images stay unexplained, and "
+    "cameras are bent to whatever is wrong"
+)
+"""What to do with cameras that were refined from images that they then explain, or not."""
 
 
 def _part(report: Facts, *keys: str) -> Any:
@@ -83,7 +91,9 @@ def refined(report: Facts) -> Iterator[Facts]:
     """Yield how many cameras were refined from the images, if they were."""
     found = _part(report, "refinement")
     if found.get("accepted"):
-        yield {"cameras": _count(found["cameras"])}
+        unexplained = _part(report, "answer").get("verdict") == NOT_EXPLAINED
+        step = STAY if unexplained else GO_ON
+        yield {"cameras": _count(found["cameras"]), "step": step}
 
 
 def nominal(report: Facts) -> Iterator[Facts]:
