@@ -53,7 +53,10 @@ def answers(verdict: str, report: Facts) -> Iterator[Facts]:
 
 def cameras(kind: str, report: Facts) -> Iterator[Facts]:
     """Yield cameras that the others contradict: ``mended``, ``kept`` or ``held out``."""
+    said = _part(report, "answer", "misplaced").get("cameras") or ()
     for name, found in _part(report, "screening", "cameras").items():
+        if name in said:  # with what is wrong, which a camera by itself does not tell
+            continue
         held_out = _part(report, "views", name).get("held_out", False)
         if kind != ("held out" if held_out else "mended" if found.get("done") else "kept"):
             continue
@@ -68,8 +71,10 @@ def misplaced(held_out: bool, report: Facts) -> Iterator[Facts]:
     """Yield images that are mirrored, turned or another camera's; of a held-out one, or not."""
     found = _part(report, "answer", "misplaced")
     if found and found["held_out"] == held_out:
-        needs = found["needs"][:1].upper() + found["needs"][1:]
-        yield {"reason": found["reason"], "needs": needs, "camera": found["cameras"][0]}
+        yield {
+            "reason": found["reason"],
+            "needs": f"Camera {' and '.join(found['cameras'])}: {found['needs']}",
+        }
 
 
 def displaced(report: Facts) -> Iterator[Facts]:
