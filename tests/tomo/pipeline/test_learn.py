@@ -37,7 +37,7 @@ def _nrmse(outcome):
     return outcome.solution.quality["nrmse"]
 
 
-@pytest.mark.parametrize(("views", "uncertainty"), [(6, 0), (12, "auto")])
+@pytest.mark.parametrize(("views", "uncertainty"), [(10, 0), (12, "auto")])
 def test_vignetting_is_learned_and_corrected(tmp_path, views, uncertainty):
     scan = _scan(tmp_path / "scan", views, Effects(vignetting=0.4))
     how = {"hold_out": ["cam02"]}

@@ -18,7 +18,7 @@ PHOTONS = 150
 def take(tmp_path_factory):
     """Return a function: how many views, and what noise, to the scan of a jet."""
 
-    def scan(views=12, grid=SMALL, **noise):
+    def scan(views=12, grid=SMALL, flame=4, **noise):
         rig = rigs.ring(
             views,
             distance=400.0,
@@ -27,7 +27,7 @@ def take(tmp_path_factory):
             pitch_degrees=np.resize([12.0, -12.0], views),
             start_degrees=5.0,
         )
-        field = create("jet", 4, grid.extent, grid.center)
+        field = create("jet", flame, grid.extent, grid.center)
         taken = simulate_images(rig, field, grid, supersample=2, refine=2, **noise)
         return load_scan(taken.save(tmp_path_factory.mktemp("taken") / "scan"))
 
@@ -96,15 +96,20 @@ def test_wernet_starts_from_the_weighed_default(quick_choice, photons):
     assert distance(learned) < 1.05 * distance(default)
 
 
-def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(photons):
-    images = [
-        image * np.float32(3.0 if camera == "cam04" else 1.0)
-        for camera, image in zip(photons.rig.names, photons.read(None)[0], strict=True)
-    ]
-    brighter = _Shown(photons, images)
-    plain, weighed = both(brighter, fit_gain=True)
-    assert weighed.pixel_weights["used"]
-    assert distance(weighed) < distance(plain)
+def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(take):
+    """On the mean of three flames: a single one's gain is within its noise."""
+    distances = []
+    for flame in (4, 5, 6):
+        photons = take(flame=flame, photons=PHOTONS)
+        images = [
+            image * np.float32(3.0 if camera == "cam04" else 1.0)
+            for camera, image in zip(photons.rig.names, photons.read(None)[0], strict=True)
+        ]
+        plain, weighed = both(_Shown(photons, images), fit_gain=True)
+        assert weighed.pixel_weights["used"]
+        distances.append((distance(plain), distance(weighed)))
+    plain, weighed = np.mean(distances, axis=0)
+    assert weighed < 0.99 * plain
 
 
 class _Shown:
