@@ -53,7 +53,9 @@ def _limited(limit, value, *arguments):
     )
 
 
-def test_a_full_disk_is_one_line_that_names_the_file(scan, tmp_path):
+def test_a_full_disk_is_one_line_that_names_the_file(scan, tmp_path, tmp_path_factory):
+    # compiled code is on disk before there is a limit
+    _limited("FSIZE", "resource.RLIM_INFINITY", scan, *QUICK, "-o", tmp_path_factory.mktemp("out"))
     (tmp_path / "report.json").write_text("{}")
     done = _limited("FSIZE", 3000, scan, *QUICK, "-o", tmp_path)
     assert done.returncode == 1
