@@ -60,7 +60,7 @@ def explain_images(
 ) -> ExplainedScan:
     """Find what the images ask to be corrected, and correct it."""
     with timed() as stage:
-        reference = screened.scan.sets_scale
+        reference, how = screened.scan.sets_scale, _how(options)
         report, causes, measured = None, _causes(options, built, reference), built.measured
         views = built.system.projector.views_with_pixels
         if causes and len(views) >= FEWEST_VIEWS and (measured > 0).any():
@@ -73,7 +73,6 @@ def explain_images(
             if found.best is not found.as_given and not asked:
                 found, corrected = _confirmed(found, built, corrected, progress)
             built = corrected
-            how = {**options.rays, "tracer": options.tracer}
             light, undecided = _light(found.best, how), _undecided(found, how)
             report = {**found.report(), "absorption": light, "undecided": undecided}
             if light:
@@ -81,7 +80,6 @@ def explain_images(
             if undecided:
                 stage.warnings.append(_of_undecided(undecided))
         if options.fit_gain and built.gains is None:
-            how = {**options.rays, "tracer": options.tracer}
             of_views = light_of(built.system, built.absorption, how)
             gains = estimate_gains(built.system, measured, reference=reference, light=of_views)
             built = with_gains(built, gains)
@@ -96,14 +94,18 @@ def explain_images(
     return ExplainedScan(built, report, stage.record)
 
 
+def _how(options: Options) -> dict[str, Any]:
+    """Return the tracer and the rays a pixel that equations through other gas are made with."""
+    return {**options.rays, "tracer": options.tracer}
+
+
 def _corrected(
     built: WeightedSystem, found: Explained, sample: Sample, options: Options
 ) -> WeightedSystem:
     """Return the equations corrected by the best explanation."""
     best = found.best.model
     if best.gains is not None:
-        how = {**options.rays, "tracer": options.tracer}
-        fitted = with_gains_fitted(found.best, sample.evidence.of_all_pixels, how)
+        fitted = with_gains_fitted(found.best, sample.evidence.of_all_pixels, _how(options))
         built = with_gains(built, fitted.model.gains)
     if best.absorption != built.absorption:
         emission = sample.emission(found.best.volume, built.system.projector.grid)
@@ -170,7 +172,7 @@ def _causes(
     """
     default = method_named(options.method).name == AUTO
     causes: list[Cause] = []
-    how = {**options.rays, "tracer": options.tracer}
+    how = _how(options)
     if options.fit_gain or (options.fit_gain is None and default):
         causes.append(CameraGains(GAIN, reference, how))
     if options.fit_absorption or (options.fit_absorption is None and default):

@@ -65,16 +65,10 @@ def find_exchanged(
     Only images of one size are exchanged. The two are named where the squared error of all images
     falls to half, the limit for the causes of one camera.
     """
-    if len(rig) < FEWEST:
+    shown = explained_anew(rig, images, masks, grid, noise)
+    if shown is None:
         return None
-    try:
-        views = PredictedViews.of(rig, images, masks, grid, noise)
-    except VolumeNotSeenError:
-        return None
-    everyone = [view for view in range(len(rig)) if views.sees(view)]
-    if len(everyone) < FEWEST:
-        return None
-    errors = errors_of(views, views.volume(everyone))
+    views, everyone, errors = shown
     worst = sorted(everyone, key=lambda view: -errors[view])[:SUSPECTS]
     sizes = [camera.image_size for camera in rig]
     found = {
@@ -88,6 +82,42 @@ def find_exchanged(
     best = min(found, key=found.__getitem__)
     left = found[best] / float(errors[everyone].sum())
     return Exchanged((rig.names[best[0]], rig.names[best[1]]), left) if left < EXPLAINS else None
+
+
+def explained_anew(
+    rig: Rig,
+    images: Sequence[NDArray[np.float32]],
+    masks: Sequence[NDArray[np.bool_]],
+    grid: VoxelGrid,
+    noise: Sequence[NoiseModel],
+    trusted: int | None = None,
+) -> tuple[PredictedViews, list[int], NDArray[np.float64]] | None:
+    """Return the views, which of them make a volume, and each one's squared error beyond noise.
+
+    Parameters
+    ----------
+    rig, images, masks, grid, noise
+        See `find_exchanged`.
+    trusted : int, optional
+        Only the first so many cameras make volumes; all when None.
+
+    Returns
+    -------
+    tuple or None
+        The errors are those of all views, ``(views,)``. None where fewer than `FEWEST` views of
+        those trusted see the grid.
+    """
+    used = list(range(len(rig) if trusted is None else trusted))
+    if len(used) < FEWEST:
+        return None
+    try:
+        views = PredictedViews.of(rig, images, masks, grid, noise)
+    except VolumeNotSeenError:
+        return None
+    used = [view for view in used if views.sees(view)]
+    if len(used) < FEWEST:
+        return None
+    return views, used, errors_of(views, views.volume(used))
 
 
 def _with_exchanged(views: PredictedViews, first: int, second: int) -> PredictedViews:

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel
-from tomo.operators.system import VolumeNotSeenError
-from tomo.screening.exchanged import FEWEST, SUSPECTS
+from tomo.screening.exchanged import SUSPECTS, explained_anew
 from tomo.screening.left_out_prediction import PredictedViews
 from tomo.screening.single_camera import EXPLAINS, errors_of
 
@@ -87,17 +86,10 @@ def find_turned_over(
     A camera is named where the squared error falls to half, the limit for the causes of one
     camera.
     """
-    used = list(range(len(rig) if trusted is None else trusted))
-    if len(used) < FEWEST:
+    shown = explained_anew(rig, images, masks, grid, noise, trusted)
+    if shown is None:
         return None
-    try:
-        views = PredictedViews.of(rig, images, masks, grid, noise)
-    except VolumeNotSeenError:
-        return None
-    used = [view for view in used if views.sees(view)]
-    if len(used) < FEWEST:
-        return None
-    errors = errors_of(views, views.volume(used))
+    views, used, errors = shown
     others = [view for view in range(len(rig)) if views.sees(view) and view not in used]
     for suspects in (others, sorted(used, key=lambda view: -errors[view])[:SUSPECTS]):
         best = min(_tried(views, used, suspects, errors), key=lambda one: one.left, default=None)
