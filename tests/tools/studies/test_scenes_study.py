@@ -7,8 +7,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from studies.scenes import accuracy, cameras, confusion, design, oracle, patches, trial
-from studies.scenes.answer import WORDS, answer_of
+from studies.scenes import accuracy, cameras, design, oracle, patches, processes, trial
 from studies.scenes.faults import FAULTS
 from studies.scenes.recipe import HALVES, Recipe
 from studies.scenes.scene import KnownScene
@@ -46,17 +45,14 @@ def rows(monkeypatch):
 
     def row_of(recipe, cache, options, constants, *, oracle):
         ran.append((recipe, dict(options), dict(constants), oracle))
-        wrong = ["cam02"] if recipe.fault == "gain" else []
         return {
             **vars(recipe), "views": recipe.views, "scene": recipe.name, "seconds": 1.0,
             "nrmse": 0.1 * (1 + bool(recipe.fault)) * (1 + bool(constants)),
             "cosine_distance": 0.01, "of_best": 1 + recipe.views / 10, "cosine_of_best": 1.0,
-            "at_fault": wrong, "cameras_named": wrong, "causes_named": wrong and ["gain"],
-            "silent": not wrong,
         }  # fmt: skip
 
     monkeypatch.setattr(trial, "row_of", row_of)
-    monkeypatch.setattr(trial, "_pool", InTurn)
+    monkeypatch.setattr(processes, "_pool", InTurn)
     return ran
 
 
@@ -82,75 +78,13 @@ def test_an_interrupted_run_goes_on_where_it_is_asked_to(rows, trials):
 def test_errors_are_summed_up_by_family_views_and_noise(rows, trials):
     tables = accuracy.accuracy(trials, "settle", quick=True, progress=silent)
     assert all(oracle for *_, oracle in rows)
-    assert tables["overall"][0]["scenes"] == len(HALVES["settle"])
-    assert sum(row["scenes"] for row in tables["by_noise"]) == len(HALVES["settle"])
+    assert tables["overall"][0]["scenes"] == len(design.FAMILIES["settle"])
+    assert sum(row["scenes"] for row in tables["by_noise"]) == len(design.FAMILIES["settle"])
     for row in tables["by_views"]:
         assert row["of_best"] == pytest.approx(1 + row["views"] / 10)
     ratios = [row["of_best"] for row in tables["scenes"]]
     assert ratios == sorted(ratios, reverse=True)
     assert tables["overall"][0]["worst"] == ratios[0]
-
-
-def test_faults_are_counted_where_the_error_grows(rows, trials):
-    tables = confusion.confusion(trials, "settle", quick=True, progress=silent)
-    by_fault = {row["fault"]: row for row in tables["by_fault"]}
-    assert set(by_fault) == set(FAULTS)
-    assert by_fault["gain"]["times"] == pytest.approx(2.0)
-    assert by_fault["gain"]["camera"] == by_fault["gain"]["first_cause"] == 1
-    assert by_fault["shift"]["silent"] == 1
-    assert by_fault["self-absorption"]["camera"] is None
-    assert tables["overall"][0]["count"] == 3 * len(FAULTS)
-    assert tables["alarms"] == []
-
-
-@pytest.mark.parametrize(
-    ("family", "cameras", "causes", "alarm"),
-    [
-        ("sparks", [], [], False),
-        ("sparks", ["cam01"], [], True),
-        ("sparks", [], ["gain"], True),
-        ("cut column", ["cam01"], ["outside"], False),
-        ("cut column", [], ["gain", "outside"], True),
-    ],
-)
-def test_an_alarm_is_false_where_nothing_is_wrong(family, cameras, causes, alarm):
-    row = {"family": family, "cameras_named": cameras, "causes_named": causes}
-    assert confusion._is_alarm(row) == alarm
-
-
-@pytest.mark.parametrize(
-    ("warning", "cameras", "causes"),
-    [
-        ("few views: the typical emitting voxel is seen by 3", (), ()),
-        ("the cameras' gains differ by 4.5%", (), ("gain",)),
-        ("camera cam02: it looks like camera cam05's: excluded", ("cam02", "cam05"), ("swapped",)),
-        (
-            "5% of camera cam01's light comes from outside the grid. Gains may seem wrong. "
-            "Subtract the background",
-            ("cam01",),
-            ("outside",),
-        ),
-        ("self-absorption of depth 0.3", (), ("self-absorption",)),
-        ("a medium absorbs", (), ("absorption",)),
-    ],
-)
-def test_a_report_names_cameras_and_causes(warning, cameras, causes):
-    answer = answer_of((warning,), [f"cam{number:02d}" for number in range(6)])
-    assert (answer.cameras, answer.causes) == (cameras, causes)
-    assert answer.silent == (not causes)
-
-
-def test_a_report_of_unexplained_images_is_not_silent():
-    line = (
-        "not to be trusted: unexplained images: they are missed by 34%, the noise is 0.1%. Gains"
-    )
-    answer = answer_of((line,), ())
-    assert answer.causes == ()
-    assert not answer.silent
-
-
-def test_every_cause_has_its_words():
-    assert {fault.cause for fault in FAULTS.values()} == set(WORDS)
 
 
 def test_constants_are_set_for_a_while_wherever_they_were_imported():
@@ -171,16 +105,33 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
 
 
 def test_designs_meet_every_family_rig_and_noise():
-    for half, families in HALVES.items():
+    kinds = set(cameras.KINDS) - {"narrow"}
+    for half in HALVES:
         for recipes in (design.faultless(half), design.alarms(half)):
-            assert {r.family for r in recipes} == set(families)
+            assert {r.family for r in recipes} == set(design.FAMILIES[half])
             assert {r.views for r in recipes} == {5, 6, 8, 12, 24, 33}
-            assert {r.rig.rpartition("-")[0] for r in recipes} == set(cameras.KINDS)
+            assert {r.rig.rpartition("-")[0] for r in recipes} == kinds
             assert len({r.noise for r in recipes}) == 3
             assert len(set(recipes)) == len(recipes)
-        assert len(design.faulty(half)) == 27 * len(FAULTS)
+        assert len(set(design.faulty(half))) == 3 * design.PAIRS[half] * len(FAULTS)
+        special = {r.family for r in design.special(half)}
+        assert special | set(design.FAMILIES[half]) == set(HALVES[half])
+        every = design.everything(half)
+        assert len(set(every)) == len(every)
+        assert set(every) >= {*design.faulty(half), *design.special(half), *design.alarms(half)}
     assert len(design.faultless("report")) >= 60
     assert len(design.alarms("report")) == 200
+
+
+def test_a_sample_is_stratified_and_can_end_anywhere():
+    for half in HALVES:
+        few, more = design.sample(half), design.sample(half, 2)
+        assert set(few) <= set(more) <= set(design.everything(half))
+        assert {r.fault for r in few} == {"", *FAULTS}
+        assert {r.family for r in few} == set(HALVES[half])
+        assert all(few.index(r.faultless) <= number for number, r in enumerate(few))
+        for fault in FAULTS:
+            assert len({r.size for r in more if r.fault == fault}) == 2
 
 
 def test_the_best_of_the_list_is_stopped_by_the_truth(monkeypatch, tmp_path):
@@ -209,7 +160,8 @@ def test_the_best_of_the_list_is_stopped_by_the_truth(monkeypatch, tmp_path):
     ("arguments", "words"),
     [
         (("--half", "all", "--part", "faults"), "--half: found 'all', expected one of settle"),
-        (("--half", "settle", "--part", "x"), "--part: found 'x', expected one of accuracy"),
+        (("--half", "settle", "--part", "x"), "--part: found 'x', expected one of judge"),
+        (("--set", "tomo.x=1"), "--set: found part judge, expected another"),
         (("--half", "settle", "--part", "ablation"), "expected --set or --option"),
         (("--half", "settle", "--part", "ablation", "--set", "x"), "--set: found 'x'"),
         (("--half", "settle", "--part", "ablation", "--option", "x=1"), "options: found 'x'"),

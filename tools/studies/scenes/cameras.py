@@ -1,4 +1,4 @@
-"""Rigs of small cameras around a grid: rings, two levels, half rings, domes, unlike cameras."""
+"""Rigs of small cameras around a grid: rings, two levels, half rings, domes, unlike or narrow."""
 
 from __future__ import annotations
 
@@ -21,6 +21,9 @@ DISTANCE = 150.0
 
 ROOM = 1.08
 """Size of the region that an image shows, over the grid's outline."""
+
+NARROW = 2.4
+"""Focal length of every other camera of a rig of narrow views, over that of the others."""
 
 GOLDEN_ANGLE = 137.50776405
 
@@ -77,11 +80,24 @@ def _unlike(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator
     return replace(near, cameras=tuple(cameras))
 
 
+def _narrow(views: int, grid: VoxelGrid, size: Size, random: np.random.Generator) -> Rig:
+    """Cameras of which every other one shows the middle of the grid alone."""
+    rig = _ring(views, grid, size, random)
+    near = [magnified(c, NARROW) if n % 2 else c for n, c in enumerate(rig)]
+    return replace(rig, cameras=tuple(near))
+
+
+def magnified(camera: Camera, times: float) -> Camera:
+    """Return a camera whose lens has another focal length: marks lie ``times`` as far out."""
+    matrix = np.array(camera.camera_matrix)
+    matrix[[0, 1], [0, 1]] *= times
+    return replace(camera, camera_matrix=matrix)
+
+
 def _changed(camera: Camera, zoom: float, scale: float, random: np.random.Generator) -> Camera:
     """Return a camera with another lens and another sensor."""
-    camera = camera.scaled(scale)
+    camera = magnified(camera.scaled(scale), zoom)
     matrix = np.array(camera.camera_matrix)
-    matrix[[0, 1], [0, 1]] *= zoom
     matrix[:2, 2] += random.uniform(-1.5, 1.5, 2)
     lens = Distortion("brown", (random.uniform(-0.25, 0.1), 0.02, *random.uniform(-2e-3, 2e-3, 2)))
     return replace(camera, camera_matrix=matrix, distortion=lens)
@@ -121,4 +137,5 @@ KINDS: Mapping[str, Callable[[int, VoxelGrid, Size, np.random.Generator], Rig]] 
     "half-ring": _half_ring,
     "dome": _dome,
     "unlike": _unlike,
+    "narrow": _narrow,
 }

@@ -6,14 +6,21 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import gaussian_filter
+from scipy.ndimage import gaussian_filter, uniform_filter1d
 
 from rigs import Camera
+from studies.scenes.absorbers import Absorber
 from studies.scenes.fields import Field
 from studies.scenes.forward import radiance
 
 LIT = 0.02
 """Fraction of an image's maximum above which a pixel counts as showing the flame."""
+
+GHOST_SHIFT = 0.15
+"""By how much of the image's width a reflection in a lens lies beside its mirror image."""
+
+VEIL_WIDTH = 0.2
+"""Standard deviation of scattered light around its source, over the image's width."""
 
 
 @dataclass(frozen=True)
@@ -27,38 +34,69 @@ class Exposure:
     field : Field
     self_absorption, absorption : float
         See `studies.scenes.forward.radiance`.
+    absorber : Absorber, optional
+        The same.
     blur : float
         Standard deviation of a Gaussian blur, in pixels.
+    motion : int
+        Columns over which the image is smeared.
+    ghost : float
+        Fraction of the light that is seen once more, mirrored and beside itself.
+    veil : float
+        Fraction of the light that is seen once more, scattered widely.
     vignetting : float
         Fraction of light lost in the corners; the loss grows with the square of the distance.
     hidden : float
         Fraction of the flame's width in the image behind an opaque frame, from the left.
+    framed : float
+        Fraction of the flame's width and height behind an opaque frame, half of it on each side.
     gain : float
     background : float
         Added to every pixel, as a fraction of full scale.
+    gradient : float
+        Background at the image's right edge, as a fraction of full scale; none at its left.
+    hot : (int, float)
+        A column, and what is added to it, as a fraction of full scale.
     saturation : float
         Fraction of the image's maximum that is the most it can record; not applied here, since
         noise comes first.
     mirrored : str
         ``""``, ``"across"``, ``"down"`` or ``"both"``: how the stored image is turned over.
+    gamma : float
+        That of the curve along which it is stored in 8 bits; 1: it is stored as it is.
+    dead : str
+        ``"zeros"`` or ``"pedestal"``: the one value that is stored of all pixels.
+    taken_by : int, optional
+        The number of the camera whose file this is: its noise too.
     """
 
     camera: Camera
     field: Field
     self_absorption: float = 0.0
     absorption: float = 0.0
+    absorber: Absorber | None = None
     blur: float = 0.0
+    motion: int = 1
+    ghost: float = 0.0
+    veil: float = 0.0
     vignetting: float = 0.0
     hidden: float = 0.0
+    framed: float = 0.0
     gain: float = 1.0
     background: float = 0.0
+    gradient: float = 0.0
+    hot: tuple[int, float] = (0, 0.0)
     saturation: float = 1.0
     mirrored: str = ""
+    gamma: float = 1.0
+    dead: str = ""
+    taken_by: int | None = None
 
     @property
-    def sight(self) -> tuple[Camera, Field, float, float]:
+    def sight(self) -> tuple[Camera, Field, float, float, Absorber | None]:
         """All that `light` depends on."""
-        return self.camera, self.field, self.self_absorption, self.absorption
+        gas = self.self_absorption, self.absorption, self.absorber
+        return self.camera, self.field, *gas
 
     def light(self) -> NDArray[np.float64]:
         """Return what arrives at the lens, ``(height, width)``, in the field's unit."""
@@ -67,26 +105,52 @@ class Exposure:
             self.field,
             self_absorption=self.self_absorption,
             absorption=self.absorption,
+            absorber=self.absorber,
         )
 
     def image(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image without noise of ``light`` in units of full scale."""
-        if self.hidden:
+        if self.hidden or self.framed:
             light = np.where(self._behind_frame(light), 0, light)
+        light = light + self._reflected(light)
         if self.blur:
             light = gaussian_filter(light, self.blur, mode="nearest")
+        if self.motion > 1:
+            light = uniform_filter1d(light, self.motion, axis=1, mode="nearest")
+            light = np.maximum(light, 0)  # running sums end a rounding below
         if self.vignetting:
             light = light * self._falloff(light.shape)
         if self.mirrored in ("across", "both"):
             light = light[:, ::-1]
         if self.mirrored in ("down", "both"):
             light = light[::-1]
-        return self.gain * light + self.background
+        image = self.gain * light + self.background
+        image = image + self.gradient * np.linspace(0, 1, light.shape[1])
+        column, level = self.hot
+        image[:, column] += level
+        return image
 
     def _behind_frame(self, light: NDArray[np.float64]) -> NDArray[np.bool_]:
-        columns = np.flatnonzero((light > LIT * light.max()).any(axis=0))
-        edge = columns[0] + self.hidden * (columns[-1] + 1 - columns[0])
-        return np.broadcast_to(np.arange(light.shape[1]) < edge, light.shape)
+        lit, hidden = light > LIT * light.max(), np.zeros(light.shape, bool)
+        for axis, own in enumerate(np.indices(light.shape)):
+            there = np.flatnonzero(lit.any(axis=1 - axis))
+            first, end = there[0], there[-1] + 1
+            room = self.framed / 2 * (end - first)
+            if self.framed:
+                hidden |= (own < first + room) | (own >= end - room)
+            if axis:
+                hidden |= own < first + self.hidden * (end - first)
+        return hidden
+
+    def _reflected(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return what lenses send elsewhere, once more."""
+        width, found = light.shape[1], np.zeros_like(light)
+        if self.ghost:
+            beside = round(GHOST_SHIFT * width)
+            found[:, beside:] += self.ghost * light[:, ::-1][:, : width - beside]
+        if self.veil:
+            found += self.veil * gaussian_filter(light, VEIL_WIDTH * width, mode="constant")
+        return found
 
     def _falloff(self, shape: tuple[int, ...]) -> NDArray[np.float64]:
         middle = (np.array(shape) - 1) / 2

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from studies.scenes import report_fields, settle_fields
+from studies.scenes import report_fields, settle_fields, special_fields
 from studies.scenes.shapes import Shape, waves
 from tomo import VoxelGrid
 
@@ -33,7 +33,20 @@ REPORT = {
     "filled box": report_fields.filled_box,
     "cut flame": report_fields.cut_flame,
 }
-FAMILIES: Mapping[str, Callable[[np.random.Generator, NDArray], Shape]] = SETTLE | REPORT
+SPECIAL_SETTLE = {
+    "off-axis cone": special_fields.off_axis_cone,
+    "fine wrinkles": special_fields.fine_wrinkles,
+}
+SPECIAL_REPORT = {
+    "off-axis plume": special_fields.off_axis_plume,
+    "fine ripples": special_fields.fine_ripples,
+}
+"""Faultless too, and taken for faulty easily: seen by rigs of which half of the views cut the
+flame, or finer than any view resolves."""
+
+FAMILIES: Mapping[str, Callable[[np.random.Generator, NDArray], Shape]] = (
+    SETTLE | REPORT | SPECIAL_SETTLE | SPECIAL_REPORT
+)
 
 CUT = ("cut column", "cut flame")
 """Families whose light goes on above the grid: a report that says so is right."""

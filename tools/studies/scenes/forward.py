@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from rigs.camera_protocol import CameraLike
+from studies.scenes.absorbers import Absorber
 from studies.scenes.fields import Field
 
 STEP = 0.25
@@ -34,6 +35,7 @@ def radiance(
     *,
     self_absorption: float = 0.0,
     absorption: float = 0.0,
+    absorber: Absorber | None = None,
     supersample: int = SUPERSAMPLE,
     step: float = STEP,
 ) -> NDArray[np.float64]:
@@ -48,6 +50,8 @@ def radiance(
         between the point and the camera.
     absorption : float
         ``a``: it is dimmed by ``exp(-a L)`` too, ``L`` the length inside the field's grid.
+    absorber : Absorber, optional
+        It is dimmed by ``exp`` of minus the integral of this extinction in front of it as well.
     supersample : int
         Rays along each side of a pixel.
     step : float
@@ -66,7 +70,7 @@ def radiance(
         for down in offsets:
             uv = np.stack([columns + right, rows + down], axis=-1).reshape(-1, 2)
             lines = camera.rays(uv)
-            light = _light(*lines, field, self_absorption, absorption, step)
+            light = _light(*lines, field, self_absorption, absorption, absorber, step)
             image += light.reshape(height, width)
     return image / supersample**2
 
@@ -77,6 +81,7 @@ def _light(
     field: Field,
     self_absorption: float,
     absorption: float,
+    absorber: Absorber | None,
     step: float,
 ) -> NDArray[np.float64]:
     """Return what rays see of a field, ``(rays,)``."""
@@ -100,6 +105,10 @@ def _light(
         if absorption:
             inside = np.clip(along, enters[part, None], leaves[part, None]) - enters[part, None]
             light = light * np.exp(-absorption * np.maximum(inside, 0))
+        if absorber is not None:
+            points = origins[part, None] + along[..., None] * directions[part, None]
+            depth = absorber(points) * length[:, None]
+            light = light * np.exp(depth / 2 - np.cumsum(depth, axis=1))
         found[part] = light.sum(axis=1)
     return found
 

@@ -12,8 +12,8 @@ import statistics
 from collections.abc import Sequence
 
 from studies.common.study import Progress, Tables
-from studies.scenes.design import FAULTY, SEEDS, faultless
-from studies.scenes.recipe import Recipe
+from studies.scenes.design import FAULTY, faultless
+from studies.scenes.recipe import SEEDS, Recipe
 from studies.scenes.recording import TWELVE_BIT
 from studies.scenes.trial import Row, Trials
 

@@ -7,15 +7,23 @@ import json
 from dataclasses import asdict, dataclass, replace
 
 from studies.scenes.faults import FAULTS, SIZES
-from studies.scenes.fields import FAMILIES, REPORT, SETTLE
+from studies.scenes.fields import FAMILIES, REPORT, SETTLE, SPECIAL_REPORT, SPECIAL_SETTLE
 from studies.scenes.recording import NOISES
 from tomo import VoxelGrid
 
 VERSION = 2
 """The version of scenes; another one makes all of them anew."""
 
-HALVES = {"settle": tuple(SETTLE), "report": tuple(REPORT)}
-"""The families of either half: rules are settled on one, figures come from the other."""
+HALVES = {
+    "settle": (*SETTLE, *SPECIAL_SETTLE),
+    "report": (*REPORT, *SPECIAL_REPORT),
+    "fresh": (*REPORT, *SPECIAL_REPORT),
+}
+"""The families of each half: rules are settled on one, and figures come from another. The third
+has other members of the second's families; it is run once, when all rules stand."""
+
+SEEDS = {"settle": 0, "report": 1000, "fresh": 5000}
+"""The first seed of each half; those from 5000 on are fresh, and nothing else is."""
 
 GRIDS = ((24, 32, 24), (28, 36, 28), (32, 40, 32))
 CENTER = (1.3, -0.7, 0.4)
@@ -45,7 +53,7 @@ class Recipe:
     Raises
     ------
     ValueError
-        If there is no such half, noise or fault, or the family is not of the half.
+        If there is no such half, noise or fault, or the family or the seed is not of the half.
     """
 
     half: str
@@ -63,12 +71,18 @@ class Recipe:
             if getattr(self, name) not in values:
                 found, words = getattr(self, name), ", ".join(map(str, values))
                 raise ValueError(f"{name}: found {found!r}, expected one of {words}")
+        if (self.seed >= SEEDS["fresh"]) != (self.half == "fresh"):
+            raise ValueError(
+                f"seed: found {self.seed} of half {self.half}, expected "
+                f"{SEEDS['fresh']} or more for fresh, less for the others"
+            )
 
     @property
     def name(self) -> str:
         """As a table has it."""
         what = f", {self.fault} {self.size + 1}" if self.fault else ""
-        return f"{self.family}, {self.rig}, {self.noise}, seed {self.seed}{what}"
+        fresh = "fresh " if self.half == "fresh" else ""
+        return f"{fresh}{self.family}, {self.rig}, {self.noise}, seed {self.seed}{what}"
 
     @property
     def key(self) -> str:
@@ -80,6 +94,11 @@ class Recipe:
     def views(self) -> int:
         """The number of cameras."""
         return int(self.rig.rpartition("-")[2])
+
+    @property
+    def view(self) -> int:
+        """The number of the camera at fault, for faults of one camera."""
+        return (2 * self.seed + (self.half != "settle")) % self.views
 
     @property
     def faultless(self) -> Recipe:

@@ -16,7 +16,8 @@ PHOTONS, READ_NOISE = 5000.0, 8.0
 """Electrons in the brightest pixel, and of the read-out: 1.4 % and 0.16 % of the maximum."""
 
 BITS = 12
-PEDESTAL = 100 / (2**BITS - 1)
+FULL = 2**BITS - 1
+PEDESTAL = 100 / FULL
 """What 12-bit cameras add to every pixel, and scans know as dark: noise is not cut off at 0."""
 
 FRACTION = 0.10
@@ -39,14 +40,28 @@ def recorded(
     most : float
         The most that the camera can record.
     """
-    random, brightest = np.random.default_rng(seed), float(image.max())
+    random = np.random.default_rng(seed)
     if noise == TWELVE_BIT:
-        photons = PHOTONS * brightest / BRIGHTEST
-        counted = camera_noise.poisson(image, photons, READ_NOISE, random)
+        counted = camera_noise.poisson(image, PHOTONS, READ_NOISE, random, maximum=BRIGHTEST)
         return camera_noise.quantise(np.minimum(counted, most) + PEDESTAL, BITS, 1.0)
     if noise == GAUSSIAN:
-        image = camera_noise.gaussian(image, FRACTION * BRIGHTEST / brightest, random)
+        image = camera_noise.gaussian(image, FRACTION, random, maximum=BRIGHTEST)
     return np.minimum(image, most).astype(np.float32)
+
+
+def stored(image: NDArray, noise: str, gamma: float, dead: str) -> NDArray:
+    """Return what is kept of a recorded image: 8 bits along a gamma curve, or one value of all.
+
+    The range of numbers stays, and the pedestal, which is taken away before the curve.
+    """
+    pedestal, full = (PEDESTAL * FULL, FULL) if noise == TWELVE_BIT else (0.0, 1.0)
+    if dead:
+        return np.full_like(image, 0 if dead == "zeros" else round(pedestal))
+    if gamma != 1:
+        light = np.clip((image.astype(np.float64) - pedestal) / full, 0, 1) ** (1 / gamma)
+        kept = np.rint(255 * light) / 255 * full + pedestal
+        image = (np.rint(kept).clip(max=full) if noise == TWELVE_BIT else kept).astype(image.dtype)
+    return image
 
 
 def corrections(noise: str) -> Corrections | None:

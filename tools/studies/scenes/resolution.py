@@ -12,7 +12,7 @@ import numpy as np
 from rigs.check.resolved_wavelength import half_sphere
 from studies.common.study import Progress, Tables
 from studies.scenes import cameras
-from studies.scenes.design import SEEDS
+from studies.scenes.recipe import SEEDS
 from studies.scenes.trial import Trials
 from studies.stress.resolution import WaveScene, wavelengths, within_factor
 from tomo import VoxelGrid

@@ -20,7 +20,7 @@ from studies.scenes.exposure import Exposure
 from studies.scenes.faults import FAULTS, Exposures, Setting
 from studies.scenes.fields import KnownField
 from studies.scenes.recipe import Recipe
-from studies.scenes.recording import BRIGHTEST, CLEAN, corrections, recorded
+from studies.scenes.recording import BRIGHTEST, CLEAN, corrections, recorded, stored
 from tomo import Scan, VoxelGrid
 
 TRUTH_POINTS = 6
@@ -59,6 +59,22 @@ class KnownScene:
         """The cameras that a report should name: none for faults of all cameras."""
         fault = FAULTS.get(self.recipe.fault)
         return self.wrong if fault is not None and fault.single else ()
+
+    @property
+    def expected(self) -> tuple[tuple[tuple[str, ...], str | None], ...]:
+        """What names the fault: for each camera at fault, or None for all, the effects' names."""
+        fault = FAULTS.get(self.recipe.fault)
+        if fault is None:
+            return ()
+        own = self.rig.names[self.recipe.view]
+        where = self.at_fault or (None,)
+        return tuple((fault.names[0 if one in (own, None) else -1], one) for one in where)
+
+    @property
+    def mendable(self) -> bool:
+        """Whether a correction may mend the fault."""
+        fault = FAULTS.get(self.recipe.fault)
+        return fault is None or self.recipe.size < fault.mendable
 
     @property
     def scan(self) -> Scan:
@@ -109,7 +125,10 @@ def _taken(recipe: Recipe, rig: Rig, cache: Path | None) -> Arrays:
     for view, (exposure, one) in enumerate(zip(exposures, lights, strict=True)):
         image = exposure.image(unit * one)
         most = exposure.saturation * image.max() if exposure.saturation < 1 else np.inf
-        taken[rig.names[view]] = recorded(image, recipe.noise, (recipe.seed, view), most)
+        whose = view if exposure.taken_by is None else exposure.taken_by
+        one = recorded(image, recipe.noise, (recipe.seed, whose), most)
+        one = stored(one, recipe.noise, exposure.gamma, exposure.dead)
+        taken[rig.names[view]] = one
     return taken | {
         "_truth": (unit * truth).astype(np.float32),
         "_wrong": np.array(wrong, np.int64),
@@ -127,8 +146,7 @@ def _with_fault(recipe: Recipe, plain: Exposures, brightest: float) -> Exposures
     """Return the exposures with the recipe's fault, if it has one."""
     if not recipe.fault:
         return plain
-    fault, report = FAULTS[recipe.fault], recipe.half == "report"
-    size = (fault.report if report else fault.settle)[recipe.size]
-    view = (2 * recipe.seed + report) % len(plain)
+    fault = FAULTS[recipe.fault]
+    size = (fault.settle if recipe.half == "settle" else fault.report)[recipe.size]
     random = np.random.default_rng([recipe.seed, zlib.crc32(recipe.fault.encode())])
-    return fault.make(plain, Setting(view, size, brightest, random))
+    return fault.make(plain, Setting(recipe.view, size, brightest, random))

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Mapping
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -14,47 +15,59 @@ from rigs.files.json_file import plain, write_json
 from rigs.progress import progress_of
 from studies.common.machine import machine
 from studies.common.page import markdown
-from studies.common.study import Tables
-from studies.scenes import ablation, accuracy, confusion, intervals, resolution
+from studies.scenes.compare import tables_of
+from studies.scenes.design import everything, sample
+from studies.scenes.judge import extend, read_rows
 from studies.scenes.patches import parsed, patched
+from studies.scenes.processes import MOST
 from studies.scenes.recipe import HALVES
-from studies.scenes.trial import MOST_PROCESSES, Trials
 from tomo import Options
 from tomo.cli.console import say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
 from tomo.cli.usage import command_line
 
-PARTS: dict[str, tuple[Any, Callable[..., Tables]]] = {
-    "accuracy": (accuracy, accuracy.accuracy),
-    "faults": (confusion, confusion.confusion),
-    "ablation": (ablation, ablation.ablation),
-    "resolution": (resolution, resolution.resolution),
-    "intervals": (intervals, intervals.intervals),
-}
+JUDGE = "judge"
+PARTS = JUDGE, "accuracy", "ablation", "resolution", "intervals"
+
+QUICK_SECONDS = 660
+"""From which no scene of a quick run is begun: it ends within a quarter of an hour."""
 
 
 def command() -> typer.Typer:
     """Return the command line."""
-    return command_line(run, "scenes", help="Run known scenes that nobody tuned on.")
+    epilog = " ".join((import_module("studies.scenes.judge").__doc__ or "").split())
+    return command_line(run, "scenes", help=f"Run known scenes that nobody tuned on. {epilog}")
 
 
 def run(
-    half: Annotated[str, typer.Option(help=f"The families to run: {', '.join(HALVES)}.")],
-    part: Annotated[str, typer.Option(help=f"What to measure: {', '.join(PARTS)}.")],
+    half: Annotated[
+        str, typer.Option(help=f"The families to run: {', '.join(HALVES)}.")
+    ] = "settle",
+    part: Annotated[str, typer.Option(help=f"What to measure: {', '.join(PARTS)}.")] = JUDGE,
     out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")] = Path(
         "out/scenes_study"
     ),
-    quick: Annotated[bool, typer.Option("--quick", help="Fewer scenes.")] = False,
+    rows: Annotated[
+        Path | None,
+        typer.Option(help="The rows of the judge, to be extended: OUT/HALF-rows.json if absent."),
+    ] = None,
+    compare: Annotated[
+        tuple[Path, Path] | None,
+        typer.Option(
+            help="Run nothing; compare two files of rows, another tree's and this one's."
+        ),
+    ] = None,
+    quick: Annotated[
+        bool, typer.Option("--quick", help="Fewer scenes: the judge ends within 15 minutes.")
+    ] = False,
     resume: Annotated[
         bool, typer.Option("--resume", help="Keep what the folder holds of the same scenes.")
     ] = False,
     cache: Annotated[
         Path, typer.Option(help="A folder that keeps scenes and the best of the list.")
     ] = Path("out/scenes"),
-    processes: Annotated[
-        int, typer.Option(help="At work at a time.", min=1, max=MOST_PROCESSES)
-    ] = MOST_PROCESSES,
+    processes: Annotated[int, typer.Option(help="At work at a time.", min=1, max=MOST)] = MOST,
     set_: Annotated[
         list[str] | None,
         typer.Option("--set", help="A module's constant to another value: tomo.X.NAME=VALUE."),
@@ -64,6 +77,7 @@ def run(
     ] = None,
 ) -> None:
     """Run one part of one half."""
+    started = time.perf_counter()
     with bad_input_in_one_line():
         for name, value, known in (("--half", half, HALVES), ("--part", part, PARTS)):
             if value not in known:
@@ -71,13 +85,31 @@ def run(
         check_output_folder(out)
         constants, options = parsed(set_ or (), "--set"), parsed(option or (), "--option")
         Options.from_mapping(options)
+        if constants and part == JUDGE:
+            raise ValueError(f"--set: found part {JUDGE}, expected another one")
         with patched(constants):
             pass
-        trials = Trials(cache, out / "rows", options, constants, processes, resume)
-        module, measure = PARTS[part]
-        started = time.perf_counter()
-        with progress_of(True, part) as progress:
-            tables = measure(trials, half, quick=quick, progress=progress)
+        about, columns, tables = "", {}, {}
+        if compare:
+            half, part = "", "compare"
+            tables = tables_of(*map(read_rows, compare))
+        elif part == JUDGE:
+            kept = rows or out / f"{half}-rows.json"
+            recipes = sample(half) if quick else everything(half)
+            seconds = QUICK_SECONDS if quick else float("inf")
+            how: dict[str, Any] = {"processes": processes, "options": options}
+            with progress_of(True, part) as how["progress"]:
+                found = extend(kept, recipes, cache, seconds=seconds, **how)
+            wanted = {one.key for one in recipes}
+            tables = tables_of({key: row for key, row in found.items() if key in wanted})
+        else:
+            from studies.scenes.trial import Trials
+
+            module = import_module(f"studies.scenes.{part}")
+            trials = Trials(cache, out / "rows", options, constants, processes, resume)
+            about, columns = module.__doc__ or "", module.COLUMNS
+            with progress_of(True, part) as progress:
+                tables = getattr(module, part)(trials, half, quick=quick, progress=progress)
     result = {
         "study": "scenes",
         "half": half,
@@ -89,23 +121,20 @@ def run(
         "machine": machine(),
         "tables": tables,
     }
-    write_json(out / f"{half}-{part}.json", plain(result, digits=5), indent=1)
-    path = out / f"{half}-{part}.md"
+    name = "-".join(filter(None, (half, part)))
+    write_json(out / f"{name}.json", plain(result, digits=5), indent=1)
+    path = out / f"{name}.md"
     with atomic_path(path) as temporary:
-        temporary.write_text(_page(result, module), "utf-8")
+        temporary.write_text(_page(result, about, columns), "utf-8")
     say(str(path))
 
 
-def _page(result: dict[str, Any], module: Any) -> str:
-    """Return the tables as Markdown, with what they are."""
-    title = f"# {result['part'].capitalize()}, {result['half']}"
-    lines = [title, "", " ".join((module.__doc__ or "").split())]
+def _page(result: dict[str, Any], about: str, columns: Mapping[str, str]) -> str:
+    """Return the tables as Markdown, with what they are; all columns of those not named."""
+    title = f"# {result['part'].capitalize()}, {result['half']}".rstrip(", ")
+    lines = [title, "", " ".join(about.split())]
     for name, rows in result["tables"].items():
-        if rows and module.COLUMNS[name]:
-            lines += [
-                "",
-                f"**{name.replace('_', ' ')}**",
-                "",
-                markdown(rows, module.COLUMNS[name]),
-            ]
+        keys = columns.get(name)
+        if rows and keys != "":
+            lines += ["", f"**{name.replace('_', ' ')}**", "", markdown(rows, keys)]
     return "\n".join(lines) + "\n"

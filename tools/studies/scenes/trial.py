@@ -4,31 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-import multiprocessing
-import os
-from collections.abc import Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
-from functools import cache as once
 from pathlib import Path
 from typing import Any
 
 from rigs.files.json_file import plain, write_json
 from studies.common.scans import seconds_of
 from studies.common.study import Progress
-from studies.scenes.answer import answer_of
 from studies.scenes.inside import inside
 from studies.scenes.oracle import best_of
 from studies.scenes.patches import patched
+from studies.scenes.processes import MOST, at_work, warm_up
 from studies.scenes.recipe import Recipe
-from studies.scenes.recording import TWELVE_BIT
 from studies.scenes.scene import known_scene
-from tomo.pipeline.answer import EXPLAINED
 
 Row = dict[str, Any]
-
-MOST_PROCESSES = 2
 
 
 @dataclass(frozen=True)
@@ -55,7 +46,7 @@ class Trials:
     rows: Path
     options: Mapping[str, Any] = field(default_factory=dict)
     constants: Mapping[str, Any] = field(default_factory=dict)
-    processes: int = MOST_PROCESSES
+    processes: int = MOST
     resume: bool = False
 
     def run(
@@ -67,24 +58,15 @@ class Trials:
             for path in paths.values():
                 path.unlink(missing_ok=True)
         missing = [recipe for recipe, path in paths.items() if not path.is_file()]
-        for done, recipe in enumerate(self._at_work(missing, paths, oracle)):
+        how = self.cache, dict(self.options), dict(self.constants), oracle
+        jobs = {recipe: (recipe, paths[recipe], *how) for recipe in missing}
+        for done, (recipe, _) in enumerate(at_work(_write, jobs, self.processes)):
             progress(done + 1, len(missing), recipe.name)
         return [json.loads(paths[recipe].read_text("utf-8")) for recipe in recipes]
 
     def _path(self, recipe: Recipe, oracle: bool) -> Path:
         how = json.dumps([oracle, dict(self.options), dict(self.constants)], sort_keys=True)
         return self.rows / f"{recipe.key}-{hashlib.sha256(how.encode()).hexdigest()[:8]}.json"
-
-    def _at_work(
-        self, recipes: Sequence[Recipe], paths: Mapping[Recipe, Path], oracle: bool
-    ) -> Iterator[Recipe]:
-        """Yield recipes as their rows are written."""
-        arguments = self.cache, dict(self.options), dict(self.constants), oracle
-        with _one_thread_each(), _pool(self.processes) as pool:
-            jobs = {pool.submit(_write, r, paths[r], *arguments): r for r in recipes}
-            for job in as_completed(jobs):
-                job.result()
-                yield jobs[job]
 
 
 def _write(
@@ -111,11 +93,10 @@ def row_of(
     from tomo import Options, reconstruct
 
     scene = known_scene(recipe, cache)
-    _warm_up()
+    warm_up()
     with patched(constants or {}):
         outcome = reconstruct(scene.scan, None, Options.from_mapping(options or {}))
     seconds = outcome.seconds
-    answer = answer_of((*outcome.warnings, *_unexplained(outcome)), outcome.rig.names)
     quality = outcome.solution.quality
     row: Row = {
         **asdict(recipe),
@@ -127,10 +108,6 @@ def row_of(
         "method": outcome.solution.settings.get("method"),
         "strength": outcome.solution.settings.get("strength"),
         "basis": outcome.basis.get("name"),
-        "at_fault": list(scene.at_fault),
-        "cameras_named": list(answer.cameras),
-        "causes_named": list(answer.causes),
-        "silent": answer.silent,
         "warnings": list(outcome.warnings),
         "intervals": inside(outcome, scene.truth),
         "seconds_times": seconds["uncertainty"] / max(seconds["choose"], 1e-6),
@@ -145,39 +122,3 @@ def row_of(
             "cosine_of_best": row["cosine_distance"] / best.cosine_distance,
         }
     return row
-
-
-def _unexplained(outcome: Any) -> list[str]:
-    """Return the sentence that the report begins with, where the images are not explained."""
-    answer = outcome.report()["answer"]
-    return [] if answer["verdict"] == EXPLAINED else [answer["sentence"]]
-
-
-@once
-def _warm_up() -> None:
-    """Compile or load kernels, once a process: seconds are those of a process at work."""
-    from tomo import reconstruct
-
-    for views in (6, 12):
-        recipe = Recipe("settle", "tilted cone", f"ring-{views}", TWELVE_BIT, 0)
-        reconstruct(known_scene(recipe).scan)
-
-
-def _pool(processes: int) -> ProcessPoolExecutor:
-    return ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"))
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes that start meanwhile use one thread: two of them share two cores."""
-    names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -1,0 +1,76 @@
+"""Processes of one thread each that work through scenes."""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import Future, ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
+from functools import cache as once
+from typing import Any
+
+from studies.scenes.recipe import Recipe
+from studies.scenes.recording import TWELVE_BIT
+from studies.scenes.scene import known_scene
+
+MOST = 2
+
+
+def at_work(
+    function: Callable[..., Any],
+    jobs: Mapping[Any, tuple[Any, ...]],
+    processes: int,
+    seconds: float = float("inf"),
+) -> Iterator[tuple[Any, Any]]:
+    """Yield keys and results of jobs, given by their arguments, as they are done.
+
+    None is begun after ``seconds``.
+    """
+    started = time.monotonic()
+    with _one_thread_each(), _pool(processes) as pool:
+        running = {pool.submit(function, *job): key for key, job in jobs.items()}
+        try:
+            for done in as_completed(running):
+                if time.monotonic() - started > seconds:
+                    _cancel(running)
+                if not done.cancelled():
+                    yield running[done], done.result()
+        finally:
+            _cancel(running)
+
+
+@once
+def warm_up() -> None:
+    """Compile or load kernels, once a process: seconds are those of a process at work."""
+    from tomo import reconstruct
+
+    for views in (6, 12):
+        recipe = Recipe("settle", "tilted cone", f"ring-{views}", TWELVE_BIT, 0)
+        reconstruct(known_scene(recipe).scan)
+
+
+def _cancel(running: Iterable[Future[Any]]) -> None:
+    for one in running:
+        one.cancel()
+
+
+def _pool(processes: int) -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"))
+
+
+@contextmanager
+def _one_thread_each() -> Iterator[None]:
+    """Let processes that start meanwhile use one thread: two of them share two cores."""
+    names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS")
+    before = {name: os.environ.get(name) for name in names}
+    os.environ.update(dict.fromkeys(names, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
