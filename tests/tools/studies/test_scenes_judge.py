@@ -234,6 +234,19 @@ def test_rows_are_kept_and_extended(ran, tmp_path):
         judge.extend(path, wanted, tmp_path, lambda *_: None, options={"learn": False})
 
 
+def test_rows_are_scored_by_the_faults_of_today(tmp_path):
+    old = row(CAP, 0.4, 0.4) | {"expected": [[["other"], "cam03"]], "mendable": True}
+    two = row(dataclasses.replace(PLAIN, fault="two at once"), 0.4, 0.4)
+    two["expected"] = [[["gain"], "cam00"], [["pose"], "cam03"]]
+    path = tmp_path / "rows.json"
+    path.write_text(json.dumps({"rows": rows(old, two, RIGHT)}))
+    capped, both, right = judge.read_rows(path).values()
+    assert capped["expected"] == [[["dark", "hidden"], "cam03"]]
+    assert not capped["mendable"]
+    assert both["expected"] == two["expected"]
+    assert right["expected"] == []
+
+
 def test_an_interrupted_run_keeps_its_rows(ran, tmp_path):
     path, wanted = tmp_path / "rows.json", [dataclasses.replace(PLAIN, seed=n) for n in (3, 1)]
     judge.extend(path, wanted[1:], tmp_path, lambda *_: None)

@@ -249,7 +249,11 @@ FAULTS: Mapping[str, Fault] = {
     "gain": Fault((("gain",),), _set("gain"), (1.06, 0.85, 0.6), (0.93, 1.12, 0.65)),
     "background": Fault((BACKGROUND,), _set("background"), (0.01, 0.03, 0.1), (0.008, 0.04, 0.08)),
     "dark left in": Fault(
-        (BACKGROUND,), _set_all("background"), (0.005, 0.02, 0.06), (0.007, 0.017, 0.05), False
+        ((*BACKGROUND, "dark"),),
+        _set_all("background"),
+        (0.005, 0.02, 0.06),
+        (0.007, 0.017, 0.05),
+        False,
     ),
     "shift": Fault((POSE,), _moved(shifted), (0.7, 1.4, 4.0), (0.8, 1.5, 3.5)),
     "roll": Fault((POSE,), _moved(rolled), (1.5, 4.0, 10.0), (2.0, 5.0, 9.0)),
@@ -292,7 +296,9 @@ FAULTS: Mapping[str, Fault] = {
         (("gamma",),), _set_all("gamma"), (1.2, 1.6, 2.2), (1.25, 1.8, 2.4), False, mendable=0
     ),
     "cloud": Fault((GAS,), clouded, (0.2, 0.5, 1.2), (0.25, 0.6, 1.5), False),
-    "sheath": Fault((GAS,), sheathed, (0.2, 0.5, 1.2), (0.25, 0.6, 1.5), False),
+    "sheath": Fault(
+        (GAS,), sheathed, (0.2, 0.5, 1.2), (0.25, 0.6, 1.5), False, mendable=0
+    ),  # mostly one factor on all rays, which no image can tell
     "two at once": Fault((("gain",), POSE), two_at_once, (0.7, 1.4, 4.0), (0.8, 1.5, 3.5)),
     "cap": Fault((("dark", "hidden"),), capped, (1, 2, 3), (1, 2, 3), mendable=0),
     "one file twice": Fault((ORDER,), doubled, (0.08, 0.25, 0.4), (0.12, 0.2, 0.35), mendable=0),

@@ -22,6 +22,7 @@ import numpy as np
 from rigs.files.json_file import plain, write_json
 from studies.common.study import Progress
 from studies.scenes.design import everything, sample
+from studies.scenes.faults import FAULTS
 from studies.scenes.findings import essence, findings_of, verdict_of
 from studies.scenes.processes import at_work, warm_up
 from studies.scenes.recipe import VERSION, Recipe
@@ -139,7 +140,8 @@ def extend(
 def read_rows(path: Path, how: Mapping[str, Any] | None = None) -> dict[str, Row]:
     """Return the rows of a file, by key; ``how``: version and options that it should have.
 
-    Findings are read from their reports anew: what is said does not change with who reads it.
+    Findings are read from their reports anew, and what names a fault is that of today's `FAULTS`:
+    rows last longer than the rules that they are scored by.
     """
     kept = json.loads(path.read_text("utf-8"))
     rows = kept.pop("rows")
@@ -149,5 +151,13 @@ def read_rows(path: Path, how: Mapping[str, Any] | None = None) -> dict[str, Row
 
 
 def _read(row: Row) -> Row:
-    """Return a row with what its report says is wrong."""
-    return row | {"findings": [list(one) for one in findings_of(row.get("report", {}))]}
+    """Return a row with what its report says is wrong, and with what should be said."""
+    said = [list(one) for one in findings_of(row.get("report", {}))]
+    fault = FAULTS.get(row["fault"])
+    if fault is None:
+        return row | {"findings": said}
+    expected = row["expected"]
+    if len(fault.names) == 1:
+        expected = [[list(fault.names[0]), camera] for _, camera in expected]
+    mendable = row["size"] < fault.mendable
+    return row | {"findings": said, "expected": expected, "mendable": mendable}
