@@ -61,7 +61,9 @@ POINTS_AT_ONCE = 1 << 15
 class Field(Protocol):
     """Emission in space, and the box outside of which there is none."""
 
-    grid: VoxelGrid
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels to reconstruct."""
 
     @property
     def reach(self) -> tuple[NDArray, NDArray]:
