@@ -40,7 +40,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "absorption": ["Absorption", "extinction_of"],
+        "absorption": ["TRANSPARENT", "Absorption", "extinction_of"],
         "basis": [
             "GaussianBasis",
             "LinearBasis",

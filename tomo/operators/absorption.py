@@ -74,6 +74,10 @@ class Absorption:
         return found
 
 
+TRANSPARENT = Absorption()
+"""Gas that absorbs nothing."""
+
+
 def extinction_of(rig: Rig) -> ExtinctionVolume | None:
     """Return the extinction of the gas in a rig's scene; None where there is none."""
     gas = None if rig.scene is None else rig.scene.gas

@@ -7,10 +7,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.measurement.pixel_check import PixelCheck
 from tomo.operators.view_gains import NOTEWORTHY, SIGNIFICANT, Gains
 from tomo.scan import Corrections, Scan
 from tomo.scan.corrections import correction_line
-from tomo.screening import Screening
 
 ALIKE = 0.1
 """Relative spread of the cameras' levels up to which one number stands for all of them."""
@@ -20,38 +20,28 @@ MOST_LISTED = 8
 
 
 def dark_levels(
-    screening: Screening | None, gains: Gains | None, names: Sequence[str]
+    pixels: PixelCheck | None, gains: Gains | None, names: Sequence[str]
 ) -> dict[str, float]:
     """Return by how much each camera's dark level is wrong, one figure a camera.
 
     Parameters
     ----------
-    screening : Screening, optional
-        What the images show, and what it subtracted.
+    pixels : PixelCheck, optional
+        What single images show.
     gains : Gains, optional
-        Fitted to the images of ``names``, in this order, as the screening corrected them.
+        Those that the images of ``names``, in this order, were corrected by.
     names : sequence of str
 
     Returns
     -------
     levels : dict
-        Camera to a level in the unit of the images, positive where too little is subtracted. That
-        of the fit where there is one, which knows the volume; else that of the dark regions.
+        Camera to a level in the unit of the images. That of the fit where there is one, which
+        knows the volume; else that of the dark regions.
     """
-    levels = dict(screening.above_dark) if screening else {}
-    if gains is None:
-        return levels
-    far = set(_far(gains.offset, gains.offset_error, NOTEWORTHY * gains.scale).tolist())
-    for view, name in enumerate(names):
-        if not np.isfinite(gains.offset_error[view]):
-            continue
-        levels.pop(name, None)
-        done = screening.remedies.get(name) if screening else None
-        level, gain = (done.level, done.gain) if done else (0.0, 1.0)
-        if view in far:
-            level += gain * float(gains.offset[view])
-        if level:
-            levels[name] = level
+    levels = dict(pixels.background) if pixels else {}
+    if gains is not None:
+        for view in np.flatnonzero(np.abs(gains.offset) > NOTEWORTHY * gains.scale).tolist():
+            levels[names[view]] = float(gains.offset[view])
     return levels
 
 

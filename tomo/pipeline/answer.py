@@ -7,8 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tomo.pipeline.causes import UNKNOWN, likely_causes
-from tomo.pipeline.misplaced import Misplaced, find_misplaced
 from tomo.pipeline.view import View
 
 EXPLAINED, PARTLY, NOT_EXPLAINED, UNKNOWN_VERDICT = VERDICTS = (
@@ -17,6 +15,12 @@ EXPLAINED, PARTLY, NOT_EXPLAINED, UNKNOWN_VERDICT = VERDICTS = (
     "not explained",
     "not known",
 )
+
+UNKNOWN = (
+    "no cause that was tested explains it: the flame may have moved between exposures, or voxels "
+    "are too large for it"
+)
+"""What is said where nothing was found wrong."""
 
 NEGLIGIBLE = 0.04
 """Largest residual beyond noise, as a fraction of the view, at which it is explained: voxels leave
@@ -48,8 +52,6 @@ class Answer:
         What the stages found that may be wrong, where not everything is explained.
     missed : float
         Root mean square over the views of their residuals beyond noise, each relative to its view.
-    misplaced : Misplaced, optional
-        Images that are another camera's, mirrored or turned by half.
     """
 
     verdict: str
@@ -58,7 +60,6 @@ class Answer:
     excluded: tuple[str, ...] = ()
     causes: tuple[str, ...] = ()
     missed: float = 0.0
-    misplaced: Misplaced | None = None
 
     @property
     def sentence(self) -> str:
@@ -107,7 +108,6 @@ class Answer:
             "beyond_noise": worst.beyond_noise if worst else None,
             "beyond_noise_of_all": self.missed if worst else None,
             "causes": list(self.causes),
-            "misplaced": self.misplaced.report() if self.misplaced else None,
         }
 
 
@@ -119,15 +119,10 @@ def answer_of(outcome: Any) -> Answer:
     if worst is None:
         return Answer(UNKNOWN_VERDICT, views=len(views), excluded=excluded)
     verdict = verdict_of(worst)
-    missing = [view for view in outcome.views if view.held_out and view.beyond_noise > HARMFUL]
-    doubtful = verdict != EXPLAINED or missing
-    misplaced = find_misplaced(outcome) if doubtful else None
-    causes = () if verdict == EXPLAINED else likely_causes(outcome)
-    if misplaced is not None:
-        causes = (misplaced.cause, *causes)
+    causes = () if verdict == EXPLAINED else tuple(one.sentence for one in outcome.findings)
     beyond = [view.beyond_noise for view in views if math.isfinite(view.beyond_noise)]
     missed = math.sqrt(math.fsum(one**2 for one in beyond) / len(beyond))
-    return Answer(verdict, worst, len(views), excluded, causes, missed, misplaced)
+    return Answer(verdict, worst, len(views), excluded, causes, missed)
 
 
 def verdict_of(view: View) -> str:

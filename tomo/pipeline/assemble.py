@@ -14,8 +14,6 @@ from tomo.pipeline.assess import Assessed
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.depth_of_field import depth_of_field
 from tomo.pipeline.evaluate import Evaluated, Reference
-from tomo.pipeline.explain import ExplainedScan
-from tomo.pipeline.learn import Learned
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
@@ -38,9 +36,7 @@ class Stages:
     register: Registered
     trace: TracedScan
     build: WeightedSystem
-    explain: ExplainedScan
     solve: Solved
-    learn: Learned
     compare: Compared
     evaluate: Evaluated
     assess: Assessed
@@ -71,10 +67,9 @@ def assemble(
         Wall time of the whole reconstruction.
     """
     scan, grid = stages.load.scan, stages.solve.built.system.projector.grid
-    registered, built, evaluated = stages.register, stages.explain.built, stages.evaluate
+    registered, built, evaluated = stages.register, stages.solve.built, stages.evaluate
     system, names = stages.solve.built.system, registered.rig.names
-    screening, alignment = stages.screen.screening, stages.assess.alignment
-    gains = stages.screen.gains(built.gains)
+    pixels, gains = stages.screen.pixels, stages.screen.gains
     unseen = int(np.count_nonzero(stages.assess.unseen))
     return Reconstruction(
         solution=replace(evaluated.solution, peak_memory=peak_memory()),
@@ -91,12 +86,13 @@ def assemble(
             "active_voxels": system.projector.active.size - unseen,
         },
         carving=registered.report(system.projector.shape[0]),
-        screening=screening.report() if screening else None,
+        screening={**pixels.report(), "excluded": list(stages.screen.excluded)}
+        if pixels
+        else None,
+        findings=stages.screen.findings,
         depth_of_field=depth_of_field(scan.rig, grid, options),
-        alignment=alignment.report(names) if alignment else None,
         refinement=registered.refinement.report() if registered.refinement else None,
         refined_rig=registered.recorded_rig(scan) if registered.refinement else None,
-        explanation=stages.explain.report,
         gains=gains.report(names) if gains else None,
         seconds={
             **{name: record.seconds for name, record in stages.records.items()},
@@ -120,7 +116,6 @@ def assemble(
         projector=_projector(system, options.tracer),
         basis=stages.solve.built.basis.report(),
         pixel_weights=built.weighting,
-        learning=stages.learn.report,
         learned=evaluated.learned,
         uncertainty=stages.assess.uncertainty,
     )

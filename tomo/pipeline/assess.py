@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +10,8 @@ from numpy.typing import NDArray
 from tomo.operators.system import Progress
 from tomo.pipeline.check_options import repeats_of
 from tomo.pipeline.options import Options
-from tomo.pipeline.register import Registered, displacement_warning
 from tomo.pipeline.solve import Solved, repeatable
 from tomo.pipeline.stage import Record, as_warning, timed
-from tomo.selfcal.shifts import Alignment
 from tomo.uncertainty import Assessment
 from tomo.uncertainty import assess as assess_volume
 
@@ -26,42 +24,25 @@ class Assessed:
     ----------
     uncertainty : Assessment, optional
         None where it could not be found.
-    alignment : Alignment, optional
-        That of the registration; without a displacement where that could not be found.
     unseen : (nx, ny, nz) bool
         True where no usable ray of any camera crosses the voxel.
     record : Record
     """
 
     uncertainty: Assessment | None
-    alignment: Alignment | None
     unseen: NDArray[np.bool_]
     record: Record = Record()
 
 
 def assess(
-    registered: Registered,
     solved: Solved,
     options: Options,
-    *,
-    unmodelled_light: bool,
     progress: Progress | None = None,
 ) -> Assessed:
-    """Repeat the solve with new noise, and see where the views disagree with their cameras."""
-    uncertainty, alignment = None, None
+    """Repeat the solve with new noise, and without groups of views."""
+    uncertainty = None
     system, unseen = solved.system, solved.built.system.unseen
     with timed() as stage:
-        if registered.alignment is not None:
-            alignment = replace(
-                registered.alignment, evaluated=None
-            )  # stays if the next step fails
-            step = "cameras: whether images agree with them was not found"
-            with as_warning(step, stage.warnings):
-                names = registered.rig.names
-                stage.warnings += displacement_warning(
-                    registered.alignment, names, unmodelled_light
-                )
-                alignment = registered.alignment
         with as_warning("uncertainty: not found", stage.warnings):
             again = repeatable(solved, options)
             uncertainty = assess_volume(
@@ -76,7 +57,7 @@ def assess(
             )
             stage.warnings += [f"not to be trusted: {doubt}" for doubt in uncertainty.warnings]
         stage.warnings += _unseen_warning(unseen, options.unseen)
-    return Assessed(uncertainty, alignment, unseen, stage.record)
+    return Assessed(uncertainty, unseen, stage.record)
 
 
 def _unseen_warning(unseen: NDArray[np.bool_], value: str) -> list[str]:

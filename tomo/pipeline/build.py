@@ -12,17 +12,16 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
-from tomo.operators import Absorption, LinearSystem, extinction_of
-from tomo.operators.view_gains import Gains
+from tomo.operators import TRANSPARENT, Absorption, LinearSystem
 from tomo.pipeline.basis import Basis, in_basis, reason_of_method
 from tomo.pipeline.check_options import methods_of
+from tomo.pipeline.infer import given_absorption
 from tomo.pipeline.methods import AUTO, Method
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import TracedScan, through_gas
 from tomo.scan.images import Images, Masks
-from tomo.screening.hypotheses import TRANSPARENT
 from tomo.selection import Choice
 
 
@@ -35,14 +34,12 @@ class WeightedSystem:
     system : LinearSystem
         Through the gas that absorbs, where that was corrected.
     measured : (pixels,) float32
-        Corrected by the gains, where there are any.
+        Of the images as they were corrected.
     weights : (pixels,) float32, optional
         How much each pixel counts for the default method and what starts from it; None: all alike.
     weighting : mapping
         Whether pixels were weighted, and why.
     basis : Basis
-    gains : Gains, optional
-        The views' gains and backgrounds that were corrected.
     absorption : Absorption
         That of the system.
     choice : Choice, optional
@@ -55,7 +52,6 @@ class WeightedSystem:
     weights: NDArray[np.float32] | None
     weighting: dict[str, Any]
     basis: Basis
-    gains: Gains | None = None
     absorption: Absorption = TRANSPARENT
     choice: Choice | None = None
     record: Record = Record()
@@ -67,18 +63,16 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
     with timed() as stage:
         against = reason_of_method(methods[0], freeze_encoder=options.freeze_encoder)
         system, basis = in_basis(traced.system, options.basis, options.supersample, against)
-        absorption = given_absorption(screened.scan.rig, options)
-        system = through_gas(system, absorption, None, options)
+        found = screened.corrections
+        absorption = (
+            given_absorption(screened.scan, options) if found is None else found.absorption
+        )
+        system = through_gas(system, absorption, screened.emission, options)
         weights, weighting = _weighted(system, screened, options, methods)
     return WeightedSystem(
         system, traced.measured, weights, weighting, basis, absorption=absorption,
         record=stage.record,
     )  # fmt: skip
-
-
-def given_absorption(rig: Rig, options: Options) -> Absorption:
-    """Return the absorption that is known: the option's, and that of gas in the rig's scene."""
-    return Absorption(medium=options.absorption or 0.0, extinction=extinction_of(rig))
 
 
 def weigh_images(

@@ -82,7 +82,7 @@ def may_learn(options: Options) -> bool:
     """Return whether weights may be learned in place of segment lengths."""
     method = method_named(options.method)
     in_focus = not options.blur and options.aperture_rays == 1
-    return method.needs_midpoints or (method.name == AUTO and options.learn and in_focus)
+    return method.needs_midpoints and in_focus
 
 
 def repeats_of(options: Options) -> int:

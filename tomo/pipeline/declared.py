@@ -6,7 +6,8 @@ import dataclasses
 import textwrap
 from collections.abc import Mapping
 from dataclasses import MISSING, Field, dataclass
-from typing import Any, Self, TypeVar
+from types import MappingProxyType
+from typing import Any, ClassVar, Self, TypeVar
 
 from tomo.pipeline.checks import Check
 
@@ -24,7 +25,16 @@ def option(
 
 @dataclass(frozen=True)
 class Declared:
-    """The base of a frozen dataclass whose fields are declared by `option`."""
+    """The base of a frozen dataclass whose fields are declared by `option`.
+
+    Subclasses may say which names are ``gone``, with what to use in their place.
+    """
+
+    _gone: ClassVar[Mapping[str, str]] = MappingProxyType({})
+
+    def __init_subclass__(cls, gone: Mapping[str, str] | None = None) -> None:
+        """Keep the names that are gone."""
+        cls._gone = MappingProxyType(dict(gone or {}))
 
     def __post_init__(self) -> None:
         """Check every value, and keep it in the type of its declaration."""
@@ -49,6 +59,8 @@ class Declared:
         """
         known = [option.name for option in dataclasses.fields(cls)]
         for name in values:
+            if name in cls._gone:
+                raise ValueError(f"options: found {name!r}, which is gone: {cls._gone[name]}")
             if name not in known:
                 raise ValueError(f"options: found {name!r}, expected one of {', '.join(known)}")
         return cls(**values)

@@ -158,12 +158,10 @@ def evaluate(
         with as_warning("re-projected images: not found", stage.warnings):
             found, built = solved.solution, solved.built
             system = solved.system
-            views += views_of(
-                system.on_voxel_means, found.volume, screened.images, screened.masks, built.gains
-            )
+            views += views_of(system.on_voxel_means, found.volume, screened.images, screened.masks)
             views += _views_apart(apart, solved, screened, options)
             if found.weights is not None:
-                applied = screened.gains(built.gains)
+                applied = screened.gains
                 comparable = rays_of_pixel(**options.rays) == 1
                 ratios = (
                     true_ratios(built.system, reference.effects, reference.truth, applied)
@@ -197,19 +195,18 @@ def views_of(
     masks: Masks,
     gains: Gains | None = None,
 ) -> list[View]:
-    """Return each camera's image beside the image that the volume would have shown it."""
+    """Return each camera's image beside the image that the volume would have shown it.
+
+    ``gains`` are those of images that are not corrected by them.
+    """
     projected = system.projector @ system.projector.active.compress(volume)
-    if gains is None:
-        reprojected = system.images(projected)
-    else:  # pixels that see no active voxel show the background alone
-        reprojected = system.images(gains.apply(system.projector, projected))
-        for image, kept, offset in zip(reprojected, system.pixels, gains.offset, strict=True):
-            seen = np.zeros(image.size, bool)
-            seen[kept] = True
-            image[~seen.reshape(image.shape)] = offset
+    seen = system.images(projected)
+    if gains is not None:  # pixels that see no active voxel show the background alone
+        pairs = zip(seen, gains.gain, gains.offset, strict=True)
+        seen = [(gain * image + offset).astype(np.float32) for image, gain, offset in pairs]
     return [
-        View(camera.name, image, seen, mask)
-        for camera, image, seen, mask in zip(system.rig, images, reprojected, masks, strict=True)
+        View(camera.name, image, reprojected, mask)
+        for camera, image, reprojected, mask in zip(system.rig, images, seen, masks, strict=True)
     ]
 
 

@@ -14,7 +14,6 @@ from tomo.operators import STORED, Projector
 from tomo.operators.attenuation import transmission
 from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
-from tomo.selfcal.registration import register, shift_motions
 from tomo.trace import trace
 
 
@@ -38,11 +37,10 @@ def warm_up(tracer: str, form: str = STORED) -> float:
     return time.perf_counter() - started
 
 
-def warm_up_stages(tracer: str, *, carving: bool, alignment: bool) -> float:
+def warm_up_stages(tracer: str, *, carving: bool) -> float:
     """Warm up the stages that will be used; return the seconds that it took."""
     seconds = warm_up(tracer)
-    seconds += warm_up_carving() if carving else 0.0
-    return seconds + (warm_up_alignment() if alignment else 0.0)
+    return seconds + (warm_up_carving() if carving else 0.0)
 
 
 def warm_up_carving() -> float:
@@ -52,12 +50,4 @@ def warm_up_carving() -> float:
     place = np.linspace(-3, 3, 15)
     spot = np.exp(-(place**2) - place[:, None] ** 2).astype(np.float32)  # no hot pixel: as wide
     carve(cameras, [spot] * 3, None, VoxelGrid((8, 8, 8), 1.0))
-    return time.perf_counter() - started
-
-
-def warm_up_alignment() -> float:
-    """Register a small image; return the seconds that it took."""
-    started = time.perf_counter()
-    image = np.outer(np.hanning(7), np.hanning(7))
-    register(image, image, image >= 0, shift_motions(image.shape))
     return time.perf_counter() - started

@@ -15,13 +15,19 @@ from tomo.pipeline.methods import AUTO, method_names
 OFF = "off"
 BASES = ("voxel", "linear")
 UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
+GONE = {
+    "learn": "effects of cameras and gas are found beside the volume: fit_gain, fit_absorption, "
+    "align and screen switch them off; --method wernet learns weights",
+}
+"""Options of earlier versions, and what to use in their place."""
+
 TRACERS = ("march", "raycast", "reference")
 PROJECTORS = (AUTO, "stored", "on-the-fly")
 
 
 @documented
 @dataclass(frozen=True)
-class Options(Declared):
+class Options(Declared, gone=GONE):
     """Everything that a user can ask of a reconstruction.
 
     A value is checked where it is declared, and a ValueError names the option, what was found and
@@ -141,15 +147,15 @@ class Options(Declared):
     )
     fit_gain: bool | None = option(
         None,
-        "Whether each camera's gain and background are fitted and corrected; by default, with "
-        "method auto, where they explain the images clearly better.",
+        "Whether each camera's gain and background are fitted and corrected; by default where "
+        "they exceed what exact cameras make.",
         switch(optional=True),
     )
     fit_absorption: bool | None = option(
         None,
         "Whether absorption is fitted and corrected, by the emitting gas itself or by a medium "
-        "that fills the grid; by default, with method auto, where it explains the images clearly "
-        "better.",
+        "that fills the grid; by default, with method auto, where it exceeds what transparent gas "
+        "makes.",
         switch(optional=True),
     )
     absorption: float | None = option(
@@ -159,12 +165,6 @@ class Options(Declared):
         "fitted.",
         number(0, optional=True),
         metavar="K",
-    )
-    learn: bool = option(
-        True,
-        "Whether weights are learned in place of segment lengths, with method auto, where "
-        "these leave the images unexplained and the weights predict left-out pixels better.",
-        switch(),
     )
     uncertainty: int | str = option(
         AUTO,
@@ -206,15 +206,15 @@ class Options(Declared):
     )
     screen: bool = option(
         True,
-        "Whether bad pixels, and cameras that the others contradict, are looked for and corrected "
-        "or excluded. A held-out camera never is.",
+        "Whether bad pixels, and what is wrong with images and light, are looked for and "
+        "corrected or left out. A held-out camera never is.",
         switch(),
         expert=True,
     )
     align: bool = option(
         True,
-        "Whether images are shifted where they clearly disagree with the rig. A held-out camera "
-        "is never shifted.",
+        "Whether cameras are moved that look elsewhere than the rig says. A held-out camera never "
+        "is.",
         switch(),
         expert=True,
     )

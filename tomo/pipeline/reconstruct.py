@@ -14,16 +14,14 @@ from tomo.pipeline.check_options import (
     as_asked,
     cameras_to_refine,
     check_options,
-    may_learn,
 )
 from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
-from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
-from tomo.pipeline.learn import learn
+from tomo.pipeline.infer import infer_effects
 from tomo.pipeline.load import load
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruction import Reconstruction
-from tomo.pipeline.register import register_screened
+from tomo.pipeline.register import register
 from tomo.pipeline.screen import screen
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import compare, solve
@@ -69,38 +67,27 @@ def _run_stages(
     reference = read_reference(scan, grid, options.frame)  # evaluate's; it may be unreadable
     loaded = load(scan, options.frame, grid, doubts)
     stage("compiling")
-    first_use = warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
-    stage("pixels and cameras")
-    screened = screen(
-        loaded,
-        grid,
-        options.hold_out,
-        look=options.screen,
-        move=options.align,
-        scale=options.fit_gain is not False,
-    )
+    first_use = warm_up_stages(options.tracer, carving=options.skip)
+    stage("pixels")
+    screened = screen(loaded, options.hold_out, look=options.screen)
+    screened = infer_effects(screened, scan, grid, options, stage("cameras and gas"))
     refine = cameras_to_refine(options, scan)
-    step = stage("where cameras look, empty voxels")
-    registered = register_screened(screened, grid, options, refine, step)
+    step = stage("empty voxels")
+    registered = register(screened, grid, options, refine, step)
     traced = trace_views(screened, registered, grid, options, stage("tracing"))
     apart = trace_apart(screened, traced.system, options)
-    step = stage("gains, absorption, basis")
+    stage("basis and weights")
     built = build(screened, traced, options)
-    explained = explain_images(built, screened, options, step)
     step = stage("smoothness and solve")
-    solved = solve(explained.built, options, watch=reference.watch, progress=step)
+    solved = solve(built, options, watch=reference.watch, progress=step)
     solved = with_own_absorption(solved, options)
-    step = stage("learning") if may_learn(options) else None
-    learned = learn(solved, screened, options, watch=reference.watch, progress=step)
-    solved = learned.solved
     step = stage("comparing") if options.compare else None
     compared = compare(solved.built, options, watch=reference.watch, progress=step)
     stage("predicted images")
     evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
-    light, step = screened.unmodelled_light, stage("how far to trust it")
-    assessed = assess(registered, solved, options, unmodelled_light=light, progress=step)
+    assessed = assess(solved, options, progress=stage("how far to trust it"))
     stages = Stages(
-        reference, loaded, screened, registered, traced, built, explained, solved, learned,
-        compared, evaluated, assessed,
+        reference, loaded, screened, registered, traced, built, solved, compared, evaluated,
+        assessed,
     )  # fmt: skip
     return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

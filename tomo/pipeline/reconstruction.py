@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo._compute.higher import higher
+from tomo.inference.finding import Finding
 from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
 from tomo.pipeline.options import NOT_A_NUMBER, Options
@@ -53,22 +54,21 @@ class Reconstruction:
     carving : mapping
         Pixels and voxels left out of the system, see `tomo.hull.Carving.report`.
     screening : mapping, optional
-        See `tomo.screening.Screening.report`; None where they were not looked for.
+        What single images show, see `tomo.measurement.pixel_check.PixelCheck.report`, and the
+        cameras that were ``excluded``; None where it was not looked for.
+    findings : tuple of Finding
+        What is wrong with cameras and gas, the gravest first.
     depth_of_field : mapping, optional
         How it was modelled, see `tomo.pipeline.depth_of_field`; None where lenses were pinholes.
-    alignment, refinement, gains : mapping, optional
-        See `tomo.selfcal.shifts.Alignment.report`, `tomo.selfcal.refine.Refinement.report` and
-        `tomo.selfcal.gains.Gains.report`; None where they were not looked for, or the gains not
-        corrected.
-    explanation : mapping, optional
-        What explains the images as a whole, see `tomo.screening.hypotheses.Explained.report`, and
-        the absorption that was corrected; None where it was not looked for.
+    refinement, gains : mapping, optional
+        See `tomo.selfcal.refine.Refinement.report` and `tomo.operators.view_gains.Gains.report`;
+        None where they were not looked for, or the gains not corrected.
     refined_rig : Rig, optional
         All cameras, those refined and shifted as they were found, at the size that images were
         recorded in; None where that was not asked for, or found nothing.
     seconds : mapping
-        A stage each, ``load, screen, register, trace, explain, build, solve, learn, compare,
-        evaluate, uncertainty``, and ``total``; ``choose`` is a part of ``solve``.
+        A stage each, ``load, screen, register, trace, build, solve, compare, evaluate,
+        uncertainty``, and ``total``; ``choose`` is a part of ``solve``.
     first_use_seconds : float
         Compiling or loading kernels, once a process.
     unseen : (nx, ny, nz) bool, optional
@@ -82,8 +82,6 @@ class Reconstruction:
         unit of the volume's values, the voxels.
     projector, basis, pixel_weights : mapping
         The form of the projector, the unknowns and the pixels' weights that were used, and why.
-    learning : mapping, optional
-        Whether the default went on to learned weights, and why; None where it was not asked to.
     learned : LearnedWeights, optional
         The weights learned in place of segment lengths; None: none were.
     uncertainty : Assessment, optional
@@ -100,12 +98,11 @@ class Reconstruction:
     counts: Mapping[str, int] = field(default_factory=dict)
     carving: Mapping[str, Any] = field(default_factory=dict)
     screening: Mapping[str, Any] | None = None
+    findings: tuple[Finding, ...] = ()
     depth_of_field: Mapping[str, Any] | None = None
-    alignment: Mapping[str, Any] | None = None
     refinement: Mapping[str, Any] | None = None
     refined_rig: Rig | None = None
     gains: Mapping[str, Any] | None = None
-    explanation: Mapping[str, Any] | None = None
     seconds: Mapping[str, float] = field(default_factory=dict)
     first_use_seconds: float = 0.0
     unseen: NDArray[np.bool_] | None = None
@@ -115,7 +112,6 @@ class Reconstruction:
     projector: Mapping[str, Any] = field(default_factory=dict)
     basis: Mapping[str, Any] = field(default_factory=dict)
     pixel_weights: Mapping[str, Any] = field(default_factory=dict)
-    learning: Mapping[str, Any] | None = None
     learned: LearnedWeights | None = None
     uncertainty: Assessment | None = None
 

@@ -193,7 +193,6 @@ def _plan_details(about: Mapping[str, Any]) -> dict[str, Any]:
         "gains": plan.get("gains"),
         "carving": plan.get("carving"),
         "pixel_weights": plan.get("pixel_weights"),
-        "alignment": plan.get("alignment"),
         "screening": plan.get("screening"),
         "solver": {"key frames": keys, **(plan.get("choice") or {})} if keys else None,
         "settings": about["options"],

@@ -1,1 +1,1 @@
-"""Self-calibration: shifts, poses, focal lengths and gains of cameras from the images alone."""
+"""Self-calibration: refinement of poses, focal lengths and gains, where it is asked for."""

@@ -1,4 +1,4 @@
-"""The cameras of a series: refined from many frames together, or shifted as key frames agree.
+"""The cameras of a series: refined from many frames together.
 
 Not from the mean of the key frames: it has little fine structure, by which views are compared. On
 a plume the shifts of its mean were a third larger than those that its frames agreed on.
@@ -13,14 +13,14 @@ import numpy as np
 
 from rigs import Rig
 from tomo.grid import VoxelGrid
+from tomo.measurement import estimate_noise
 from tomo.operators.system import Progress
 from tomo.pipeline.options import Options
-from tomo.pipeline.register import Registered, register_screened, shift_warnings
+from tomo.pipeline.register import Registered, register
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.selfcal.refine import Moment, Refinement, refine_over_moments
 from tomo.selfcal.refine.search import FEWEST
-from tomo.selfcal.shifts import Alignment, align_views
 from tomo.series.images import FrameImages
 
 FEWEST_FRAMES = 8
@@ -44,7 +44,7 @@ def register_key_frames(
     screened : ScreenedScan
         The cameras that take part.
     frames : sequence of FrameImages
-        The key frames, from which shifts come.
+        The key frames.
     others : sequence of FrameImages
         The frames that refine cameras and those that judge, in turn; none: nothing is refined.
     grid : VoxelGrid
@@ -56,33 +56,29 @@ def register_key_frames(
     rig = screened.scan.rig
     refine = _able(rig) if options.refine_cameras is None else asked
     refine = tuple(name for name in refine if name in rig.names)
-    alignment = refinement = None
+    refinement = None
     with timed() as stage:
-        everything = set(refine) >= set(rig.names)  # refinement finds shifts too
-        if options.align and not everything:
-            alignment, rig = _aligned(screened, frames, grid, stage.warnings)
         if refine and others:
             refinement = refine_from_frames(rig, others, grid, options, refine, progress)
             rig = refinement.rig
             if refinement.accepted or asked:
                 stage.warnings.append(_of_refinement(refinement, -(-len(others) // 2)))
-        refined = refinement is not None and (refinement.accepted or asked)
-        if options.align and everything and not refined:
-            alignment, rig = _aligned(screened, frames, grid, stage.warnings)
     middle = frames[len(frames) // 2]
     one = replace(
         screened,
         scan=replace(screened.scan, rig=rig),
         images=middle.images,
         masks=middle.masks,
-        screening=None,  # its noise is that of the mean
+        noise=tuple(
+            estimate_noise(*both) for both in zip(middle.images, middle.masks, strict=True)
+        ),
     )
-    registered = register_screened(one, grid, replace(options, align=False), (), progress)
+    registered = register(one, grid, options)
     record = Record(
         stage.record.seconds + registered.record.seconds,
         (*stage.record.warnings, *registered.record.warnings),
     )
-    return replace(registered, alignment=alignment, refinement=refinement, record=record)
+    return replace(registered, refinement=refinement, record=record)
 
 
 def refine_from_frames(
@@ -118,17 +114,6 @@ def _able(rig: Rig) -> tuple[str, ...]:
     return able if len(rig) >= FEWEST else ()
 
 
-def _aligned(
-    screened: ScreenedScan, frames: Sequence[FrameImages], grid: VoxelGrid, warnings: list[str]
-) -> tuple[Alignment, Rig]:
-    """Return the shifts that key frames agree on, and the rig shifted by them."""
-    rig = screened.scan.rig
-    alignment = agreed([align_views(rig, one.images, grid, masks=one.masks) for one in frames])
-    rig = alignment.rig(rig)
-    warnings += shift_warnings(alignment, rig, screened.unmodelled_light)
-    return alignment, rig
-
-
 def _of_refinement(found: Refinement, frames: int) -> str:
     names = ", ".join(found.cameras)
     if found.accepted:
@@ -140,19 +125,3 @@ def _of_refinement(found: Refinement, frames: int) -> str:
             "to keep the rig as it is, --refine-cameras none"
         )
     return f"cameras stay as the rig says: {names}: {found.reason}"
-
-
-def agreed(found: Sequence[Alignment]) -> Alignment:
-    """Return the median of the shifts of several frames, accepted where most of them are.
-
-    Shifts that were not accepted do not count where most were.
-    """
-    taken = [one for one in found if one.accepted]
-    if 2 * len(taken) <= len(found):
-        taken = [one for one in found if not one.accepted]
-    shifts, before, after = (
-        np.median([getattr(one, name) for one in taken], axis=0)
-        for name in ("shifts", "error_before", "error_after")
-    )
-    reason = f"median of {len(taken)} of {len(found)} key frames; in the last, {taken[-1].reason}"
-    return Alignment(shifts, float(before), float(after), taken[0].accepted, reason)

@@ -11,6 +11,8 @@ from typing import Literal, overload
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.measurement import NoiseModel
+from tomo.model import Observation
 from tomo.pipeline.load import LoadedScan, load
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
@@ -65,18 +67,17 @@ def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
     Pixels that it found bad are left out, cameras that it excluded take no part, and images that
     it corrected are corrected alike.
     """
-    both = zip(loaded.images, loaded.masks, strict=True)
-    everything = dict(zip(loaded.scan.rig.names, both, strict=True))
-    screening = screened.screening
-    if screening is not None:
-        for name, known in zip(screening.outliers, screening.masks, strict=True):
-            if name not in screening.excluded:
-                image, mask = everything[name]
-                everything[name] = image, mask & known
-        for name, one in screening.remedies.items():
-            if name not in screening.excluded and name not in screening.held_out:
-                image, mask = everything[name]
-                everything[name] = one.corrected(image), mask
+    rig, images, masks = loaded.scan.rig, tuple(loaded.images), tuple(loaded.masks)
+    if screened.pixels is not None:
+        known = zip(masks, screened.pixels.masks, strict=True)
+        masks = tuple(mask & usable for mask, usable in known)
+    if screened.corrections is not None:
+        noise = (NoiseModel(0.0),) * len(rig)
+        frame = Observation(rig, images, masks, noise, screened.corrections.grid)
+        found = screened.corrections.applied(frame, move=False)
+        images, masks = found.images, found.masks
+    both = zip(images, masks, strict=True)
+    everything = dict(zip(rig.names, both, strict=True))
 
     def part(of: Scan | None) -> tuple[Images, Masks]:
         pairs = [everything[name] for name in of.rig.names] if of else []

@@ -55,8 +55,6 @@ class Plan:
     data_range : float
         The greatest difference that images can have, for PSNR and SSIM.
     warnings : tuple of str
-    explanation : mapping, optional
-        What the images as a whole asked to be corrected.
     temporal : TemporalChoice, optional
         Whether and how frames are filtered in time.
     """
@@ -76,7 +74,6 @@ class Plan:
     choices: tuple[Choice, ...]
     data_range: float
     warnings: tuple[str, ...]
-    explanation: dict[str, Any] | None = None
     temporal: TemporalChoice | None = None
 
     @property
@@ -98,8 +95,8 @@ class Plan:
     def report(self) -> dict[str, Any]:
         """Return what was settled, as plain numbers and words for the store's attributes."""
         built, names = self.system.built, self.registered.rig.names
-        gains, alignment = self.screened.gains(built.gains), self.registered.alignment
-        refinement, screening = self.registered.refinement, self.screened.screening
+        gains, refinement = self.screened.gains, self.registered.refinement
+        pixels, excluded = self.screened.pixels, list(self.screened.excluded)
         return plain(
             {
                 "key_frames": [self.scan.frames[place].name for place in self.keys],
@@ -112,10 +109,9 @@ class Plan:
                 "voxels": self._coverage,
                 "gains": gains.report(names) if gains else None,
                 "absorption": built.absorption.report() if built.absorption else None,
-                "screening": screening.report() if screening else None,
-                "alignment": alignment.report(names) if alignment else None,
+                "screening": pixels and pixels.report() | {"excluded": excluded},
+                "findings": [one.report() for one in self.screened.findings],
                 "refinement": refinement.report() if refinement else None,
-                "explanation": self.explanation,
                 "pixel_weights": dict(built.weighting),
                 "noise": {
                     name: {"read": one.read, "gain": one.gain}

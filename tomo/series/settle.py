@@ -21,8 +21,8 @@ from tomo.pipeline.build import WeightedSystem, build
 from tomo.pipeline.check_cameras import check_cameras
 from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import data_range, read_reference, system_apart, trace_apart
-from tomo.pipeline.explain import explain_images
 from tomo.pipeline.first_use import warm_up_stages
+from tomo.pipeline.infer import infer_effects
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.screen import screen
@@ -117,19 +117,15 @@ def make_plan(
     """
     stage, doubts = staged(progress), check_cameras(scan, grid, options)
     stage("compiling")
-    warm_up_stages(options.tracer, carving=options.skip, alignment=options.align)
+    warm_up_stages(options.tracer, carving=options.skip)
     stage("reading key frames")
     keys = readable_keys(scan, places, options)
     loaded = [read_frame(scan, place, False) for place in keys]
     stage("pixels and cameras")
-    screened = screen(
-        mean_of_frames(scan, loaded),
-        grid,
-        options.hold_out,
-        look=options.screen,
-        move=options.align,
-        scale=options.fit_gain is not False,
-    )
+    screened = screen(mean_of_frames(scan, loaded), options.hold_out, look=options.screen)
+    screened = infer_effects(screened, scan, grid, options)
+    if screened.corrections is not None:  # that of the mean is not that of a frame
+        screened = replace(screened, corrections=replace(screened.corrections, outside=None))
     frames = [images_of(one, screened) for one in loaded]
     asked, tell = cameras_to_refine(options, scan), stage("where cameras look")
     others: list[FrameImages] = []
@@ -146,20 +142,18 @@ def make_plan(
     )
     traced = trace_views(screened, registered, grid, options, stage("tracing"))
     apart = trace_apart(screened, traced.system, options)
-    stage("gains, absorption, basis")
+    stage("basis and weights")
     built = build(screened, traced, options)
-    explained = explain_images(built, screened, options)
-    emission = _emission(explained.built, options)
+    emission = _emission(built, options)
     if apart is not None:
-        apart = system_apart(apart, explained.built, emission, options)
-    system = BlockSystem(explained.built, apart, registered.active, tuple(registered.masks))
+        apart = system_apart(apart, built, emission, options)
+    system = BlockSystem(built, apart, registered.active, tuple(registered.masks))
     truth = read_reference(scan, grid, scan.frames[keys[0]].name)
-    done = (screened, registered, traced, built, explained, truth)
+    done = (screened, registered, traced, built, truth)
     plan = Plan(
         scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
         emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
         (*doubts, *scan.remarks, *(line for one in done for line in one.record.warnings)),
-        explained.report,
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:
         return plan

@@ -196,7 +196,7 @@ def _figures(
 ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Return the figures of a volume, such as its total, and those of its images by camera."""
     built, volume = solved.built, solved.solution.volume
-    views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks, built.gains)
+    views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks)
     views = [replace(view, noise=one) for view, one in zip(views, plan.noise, strict=True)]
     apart: list[View] = []
     if system.apart is not None:

@@ -11,7 +11,6 @@ from tomo.grid import ActiveVoxels
 from tomo.pipeline.basis import in_basis
 from tomo.pipeline.build import WeightedSystem, weigh_images
 from tomo.pipeline.evaluate import system_apart, trace_apart
-from tomo.pipeline.explain import with_gains
 from tomo.pipeline.trace import through_gas, trace_views
 from tomo.series.block_system import BlockSystem
 from tomo.series.hulls import hull_of_frames
@@ -53,16 +52,13 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
 
 
 def weighted(plan: Plan, system: BlockSystem, frame: FrameImages) -> WeightedSystem:
-    """Return the equations with the pixels of one frame, corrected by the gains, and weights."""
+    """Return the equations with the pixels of one frame, and weights."""
     known, of_block = plan.system.built, system.built.system
     weights = None
     if known.weighting["used"]:
         found = weigh_images(plan.registered.rig, plan.grid, frame.images, frame.masks, plan.noise)
         weights = None if found.images is None else of_block.flatten(found.images)
-    built = replace(
-        system.built, measured=of_block.flatten(frame.images), weights=weights, gains=None
-    )
-    return with_gains(built, known.gains)
+    return replace(system.built, measured=of_block.flatten(frame.images), weights=weights)
 
 
 def _same(one: ActiveVoxels, other: ActiveVoxels) -> bool:

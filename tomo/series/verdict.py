@@ -83,7 +83,7 @@ def _frames(table: SeriesTable) -> Iterator[dict[str, Any]]:
     about = table.store.attributes
     plan, held_out = about["plan"], about["options"].get("hold_out") or []
     excluded = (plan.get("screening") or {}).get("excluded") or []
-    common = {k: plan.get(k) for k in ("screening", "alignment", "refinement", "explanation")}
+    common = {k: plan.get(k) for k in ("screening", "findings", "refinement")}
     common["uncertainty"] = {"voxels": plan.get("voxels")}
     cameras = (about.get("rig") or {}).get("cameras") or ()
     status = {one["name"]: one.get("status") for one in cameras}

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators import LinearSystem
+from tomo.operators.view_gains import Gains
 from tomo.scan import Scan
-from tomo.selfcal.gains import Gains
 from tomo.simulation.effects import Effects
 
 TrueEffects = tuple[Effects, Mapping[str, float]]

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from tomo.operators import LinearSystem
 from tomo.operators.system import Progress
 from tomo.uncertainty.bootstrap_calibration import Spread, calibrated, neighbour_means
-from tomo.uncertainty.residual_noise import Solve, generator, noise_of_images, smoothed
-from tomo.uncertainty.summaries import of_unknowns
+from tomo.uncertainty.residual_noise import Solve, generator, smoothed
 
 KEPT = 0.7
 """Standard deviation, in pixels, of the blur that removes noise from the residual."""
@@ -37,14 +36,11 @@ class Deviations:
     repeats : int
     noise : (pixels,) float64
         Standard deviation of the pixels' noise.
-    summaries : (n, values) float64
-        What `tomo.uncertainty.summaries` finds of each volume of the first bootstrap.
     """
 
     values: NDArray[np.float32]
     repeats: int
     noise: NDArray[np.float64]
-    summaries: NDArray[np.float64]
 
     @property
     def scatter(self) -> float:
@@ -59,6 +55,7 @@ def standard_deviations(
     system: LinearSystem,
     measured: NDArray[np.float32],
     seen: NDArray[np.float32],
+    noise: NDArray[np.float64],
     solve: Solve,
     *,
     repeats: int,
@@ -72,6 +69,8 @@ def standard_deviations(
     system : LinearSystem
     measured, seen : (pixels,) float32
         The images, and the volume found from them re-projected.
+    noise : (pixels,) float64
+        Standard deviation of the pixels' noise.
     solve : callable
         The reconstruction.
     repeats : int
@@ -95,7 +94,6 @@ def standard_deviations(
     the square roots of the deviations are blurred by `NEIGHBOURS`: those next to zero differ by
     powers of ten, and their mean would be the largest one's.
     """
-    noise = noise_of_images(system, measured, seen, solve, seed)
     active = system.projector.active
 
     def generators() -> Iterator[np.random.Generator]:
@@ -104,16 +102,9 @@ def standard_deviations(
                 progress(number, repeats, "standard deviations")
             yield generator(seed, 1 + number)
 
-    kept: list[NDArray[np.float64]] = []
-
-    def watched(pixels: NDArray[np.float32]) -> NDArray[np.float32]:
-        found = solve(pixels)
-        kept.append(of_unknowns(found, active))
-        return found
-
     drawn, inner = generators(), _calibrating(repeats)
     base = bootstrap_images(system, measured, seen)
-    first, images, volume = _repeated(base, noise, watched, islice(drawn, repeats - inner))
+    first, images, volume = _repeated(base, noise, solve, islice(drawn, repeats - inner))
     if inner:
         again = (system.projector @ volume).astype(np.float32)
         base = bootstrap_images(system, images, again)
@@ -122,7 +113,7 @@ def standard_deviations(
         values = neighbour_means(np.sqrt(first.deviation), NEIGHBOURS, active) ** 2
     if progress:
         progress(repeats, repeats, "standard deviations")
-    return Deviations(values.astype(np.float32), repeats, noise, np.stack(kept))
+    return Deviations(values.astype(np.float32), repeats, noise)
 
 
 def bootstrap_images(

@@ -28,8 +28,7 @@ def noise_of_images(
     system: LinearSystem,
     measured: NDArray[np.float32],
     seen: NDArray[np.float32],
-    solve: Solve | None = None,
-    seed: int = 0,
+    remains: float = 1.0,
 ) -> NDArray[np.float64]:
     """Return the standard deviation of the noise in every pixel that takes part, ``(pixels,)``.
 
@@ -38,35 +37,26 @@ def noise_of_images(
     system : LinearSystem
     measured, seen : (pixels,) float32
         The images, and the volume found from them re-projected.
-    solve : callable, optional
-        The reconstruction: then what it has fitted of the noise is found out and made up for.
-    seed : int
-        Of the noise that it is tried with.
+    remains : float
+        Fraction of known noise that the same estimate finds in what the solve leaves of it, see
+        `tomo.uncertainty.moved.Moved`.
 
     Notes
     -----
     Each view's noise model, ``variance = read² + gain x signal``, is that of the residual's finest
     structure over the re-projected signal, see `tomo.measurement.estimate_noise`: with the volume
-    taken away, edges and fine structure of the flame are not taken for noise. How much of the
-    noise the solve has fitted shows when it solves ``seen`` with just that noise: the estimate
-    made of its residual in the same way is too small by the same factor. Where voxels are so much
-    coarser than pixels that the re-projection's steps are finer structure than the images have,
-    the images alone say less, and are believed.
+    taken away, edges and fine structure of the flame are not taken for noise. The solve has fitted
+    some of the noise, which `remains` makes up for. Where voxels are so much coarser than pixels
+    that the re-projection's steps are finer structure than the images have, the images alone say
+    less, and are believed.
 
     The noise of one pixel is taken to be independent of its neighbours'. Where images were
     resampled or smoothed it is not, and too little is found: two thirds of it after a blur of half
     a pixel, a quarter after one of 0.7, a tenth after one of a pixel.
     """
-    noise = _fine_structure(system, measured, seen, seen)
-    if solve is not None and noise.any():
-        random = generator(seed, 0)
-        images = (seen + noise * random.standard_normal(len(noise))).astype(np.float32)
-        again = (system.projector @ solve(images)).astype(np.float32)
-        remains = norm(_fine_structure(system, images, again, again)) / norm(noise)
-        found = noise / min(remains, 1.0) if remains > 1 - MOST_FITTED else None
-    else:
-        found = noise
-    alone = _fine_structure(system, measured, None, seen)
+    noise = fine_structure(system, measured, seen, seen)
+    found = noise / min(remains, 1.0) if remains > 1 - MOST_FITTED else None
+    alone = fine_structure(system, measured, None, seen)
     return alone if found is None or norm(alone) < CLEARLY * norm(found) else found
 
 
@@ -75,7 +65,7 @@ def generator(seed: int, number: int) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(number,)))
 
 
-def _fine_structure(
+def fine_structure(
     system: LinearSystem,
     measured: NDArray[np.float32],
     expected: NDArray[np.float32] | None,

@@ -18,11 +18,9 @@ from tomo.uncertainty.warnings import BARELY_SEEN, NOISY
 
 Facts = Mapping[str, Any]
 
-LEARNED = {
-    "upstream emission": "gas that swallows its own light",
-    "off the axis, squared": "lenses that darken towards the corners",
-}
-"""What ``learning.found`` stands for, in plain words."""
+IN_DOUBT = ("hidden", "dark", "order", "mirrored", "outside", "absorption")
+"""Findings after which a volume is no better than amber: pixels or views are missing, or what was
+corrected was not measured."""
 
 
 GO_ON = "Go on with the corrected rig: refined_rig.yaml, or the corrected_rig of a film's store"
@@ -51,45 +49,12 @@ def answers(verdict: str, report: Facts) -> Iterator[Facts]:
         }
 
 
-def cameras(kind: str, report: Facts) -> Iterator[Facts]:
-    """Yield cameras that the others contradict: ``mended``, ``kept`` or ``held out``."""
-    said = _part(report, "answer", "misplaced").get("cameras") or ()
-    for name, found in _part(report, "screening", "cameras").items():
-        if name in said:  # with what is wrong, which a camera by itself does not tell
-            continue
-        held_out = _part(report, "views", name).get("held_out", False)
-        if kind != ("held out" if held_out else "mended" if found.get("done") else "kept"):
-            continue
-        causes = found.get("causes") or [{"words": "no cause found", "needs": "Check it"}]
-        done = found.get("done") or "it still takes part"
-        done = done[:1].lower() + done[1:]
-        first = causes[0]
-        yield {"camera": name, "cause": first["words"], "needs": first["needs"], "done": done}
-
-
-def misplaced(held_out: bool, report: Facts) -> Iterator[Facts]:
-    """Yield images that are mirrored, turned or another camera's; of a held-out one, or not."""
-    found = _part(report, "answer", "misplaced")
-    if found and found["held_out"] == held_out:
-        yield {
-            "reason": found["reason"],
-            "needs": f"Camera {' and '.join(found['cameras'])}: {found['needs']}",
-        }
-
-
-def displaced(report: Facts) -> Iterator[Facts]:
-    """Yield the camera that lies farthest from where the others predict it, if they disagree."""
-    found = _part(report, "alignment", "displacement")
-    if found.get("disagrees") and not any(misplaced(False, report)):  # it moves the others too
-        camera = _largest(found["pixels"])
-        yield {"camera": camera, "pixels": found["pixels"][camera]}
-
-
-def shifted(report: Facts) -> Iterator[Facts]:
-    """Yield how far images were moved to agree, if they were."""
-    found = _part(report, "alignment")
-    if found.get("accepted"):
-        yield {"pixels": max((x * x + y * y) ** 0.5 for x, y in found["shifts"].values())}
+def wrong(kept: bool, report: Facts) -> Iterator[Facts]:
+    """Yield what images say is wrong: what leaves the volume in doubt, or what was corrected."""
+    for one in report.get("findings") or ():
+        if (one["effect"] in IN_DOUBT or not one["corrected"]) == kept:
+            reason, _, step = one["sentence"].partition(". ")
+            yield {"reason": reason, "step": one["step"] or step}
 
 
 def refined(report: Facts) -> Iterator[Facts]:
@@ -108,41 +73,12 @@ def nominal(report: Facts) -> Iterator[Facts]:
         yield {"cameras": _count(found)}
 
 
-def outside(low: float, high: float, report: Facts) -> Iterator[Facts]:
-    """Yield the camera with most light from outside the grid, where that is within bounds."""
-    known, lit = _part(report, "screening"), _part(report, "screening", "background")
-    parts = {n: v for n, v in _part(known, "light_outside_grid").items() if n not in lit}
-    camera = _largest(parts)
-    if camera is not None and low < parts[camera] <= high:
-        yield {"camera": camera, "share": f"{parts[camera]:.0%}"}
-
-
 def levels(key: str, report: Facts) -> Iterator[Facts]:
-    """Yield the camera with the largest of the screening's levels, such as ``background``.
-
-    A camera of which the same stands among those that the others contradict is not named twice.
-    """
-    own = _part(report, "screening", "cameras").items()
-    first = {name: (found.get("causes") or [{}])[0].get("cause") for name, found in own}
-    said = {name for name, cause in first.items() if cause == key}
-    levels = {n: v for n, v in _part(report, "screening", key).items() if n not in said}
+    """Yield the camera with the largest of the screening's levels, such as ``background``."""
+    levels = _part(report, "screening", key)
     if levels:
         camera = _largest(levels)
         yield {"camera": camera, "level": levels[camera], "cameras": _count(levels)}
-
-
-def absorption(report: Facts) -> Iterator[Facts]:
-    """Yield how much light was found absorbed, where that was corrected."""
-    found = _part(report, "explanation", "absorption")
-    if found:
-        yield {"lost": f"{found['light_lost']:.0%}"}
-
-
-def learned(report: Facts) -> Iterator[Facts]:
-    """Yield what was learned in place of segment lengths, if anything was."""
-    found = _part(report, "learning")
-    if found.get("taken"):
-        yield {"found": " and ".join(LEARNED.get(one, one) for one in found.get("found") or ())}
 
 
 def carved(report: Facts) -> Iterator[Facts]:

@@ -12,14 +12,15 @@ from tomo.pipeline.answer import EXPLAINED, HARMFUL, NOT_EXPLAINED, PARTLY, UNKN
 from tomo.pipeline.verdict import findings
 from tomo.pipeline.verdict.findings import Facts
 from tomo.pipeline.verdict.value import AMBER, GREEN, LEVELS, RED, Verdict
-from tomo.screening.screening import OUTSIDE
-from tomo.screening.single_camera import FEWEST_VIEWS
 from tomo.uncertainty.warnings import NOISY, UNEXPLAINED
 
 Finder = Callable[[Facts], Iterator[Facts]]
 """From ``report.json`` to the values of a rule's words, one mapping for each time it applies."""
 
 MANY = math.inf
+
+FEWEST_VIEWS = 5
+"""Views from which a wrong one can be found: four may agree with each other on a wrong volume."""
 
 TWO_VIEWS = 1.4
 """Wavelength that views leave unmeasured, relative to the emission's extent, from which they are
@@ -88,32 +89,7 @@ RULES: tuple[Rule, ...] = (
     Rule(RED, partial(findings.answers, UNKNOWN_VERDICT),
          "no image has light to compare the volume with",
          "Check the exposure, the dark level, and that the images belong to these cameras"),
-    Rule(RED, partial(findings.misplaced, False), "{reason}", "{needs}"),
-    Rule(AMBER, partial(findings.misplaced, True),
-         "{reason}; it was held out, and checks nothing",
-         "{needs}"),
-    Rule(RED, partial(findings.cameras, "kept"),
-         "camera {camera} contradicts the others ({cause}), and {done}",
-         "Camera {camera}: {needs}"),
-    Rule(AMBER, partial(findings.cameras, "mended"),
-         "camera {camera} contradicts the others ({cause}): {done}",
-         "Camera {camera}: {needs}"),
-    Rule(AMBER, partial(findings.cameras, "held out"),
-         "the held-out camera {camera} contradicts the others ({cause}): it checks nothing",
-         "Camera {camera}: {needs}"),
-    Rule(RED, findings.displaced,
-         "cameras do not look where the rig says: the image of {camera} lies {pixels:.1f} pixels "
-         "from where the others predict it",
-         "Calibrate the cameras again, or run with --refine-cameras all"),
-    Rule(AMBER, findings.shifted,
-         "the images were moved by up to {pixels:.1f} pixels to agree with each other",
-         "Calibrate the cameras again, or run with --refine-cameras all"),
-    Rule(RED, partial(findings.outside, HARMFUL, MANY),
-         "the grid cuts the flame: {share} of camera {camera}'s light comes from outside it",
-         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light"),
-    Rule(AMBER, partial(findings.outside, OUTSIDE, HARMFUL),
-         "{share} of camera {camera}'s light comes from outside the grid",
-         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light"),
+    Rule(AMBER, partial(findings.wrong, True), "{reason}", "{step}"),
     Rule(AMBER, partial(findings.levels, "background"),
          "light everywhere in the images of {cameras}, {camera} most ({level:.3g})",
          "Subtract the background: the warning on the dark level has the line for scan.yaml"),
@@ -123,12 +99,6 @@ RULES: tuple[Rule, ...] = (
     Rule(AMBER, partial(findings.levels, "saturated"),
          "overexposed: {cameras}, whose brightest pixels were left out",
          "Expose camera {camera} shorter"),
-    Rule(AMBER, findings.absorption,
-         "the gas seems to swallow {lost} of the light; that was fitted, not measured",
-         "If the gas is transparent, run with --no-fit-absorption; else measure its absorption"),
-    Rule(AMBER, findings.learned,
-         "an effect that nobody wrote down was learned from the images: {found}",
-         "Compare with a run without it (--no-learn)"),
     Rule(AMBER, findings.carved,
          "{lost} of the light meets no voxel that was kept",
          "Keep all voxels (--no-skip)"),
@@ -193,6 +163,7 @@ other things seem wrong."""
 FOR_IT: tuple[Rule, ...] = (
     Rule(GREEN, partial(findings.answers, EXPLAINED),
          "the volume explains the images of all {views} cameras up to their noise"),
+    Rule(GREEN, partial(findings.wrong, False), "{reason}", "{step}"),
     Rule(GREEN, findings.views, "about {views} cameras see each voxel that emits"),
     Rule(GREEN, findings.error, "the error to expect of a voxel is {error} of the emission"),
     Rule(GREEN, findings.predicted,
@@ -202,7 +173,7 @@ FOR_IT: tuple[Rule, ...] = (
          "",
          "Check it once with an image that it never saw: run again with --hold-out {camera}"),
     Rule(GREEN, findings.always,
-         "no camera contradicts the others",
+         "",
          "Use volume.vti (ParaView), volume.nrrd (3D Slicer) or volume.npz (Python), with "
          "half_width.* as error bars"),
 )  # fmt: skip

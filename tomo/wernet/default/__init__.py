@@ -27,7 +27,7 @@ units are kept.
    kept where they predict these better by more than chance; otherwise the result is the baseline.
    With eight views or fewer only what is common to all views is learned.
 
-`wernet` is the method of that name; `candidate.learn_shared` serves the default method.
+`wernet` is the method of that name.
 
 The encoder's forward pass stands in `ray_weights.packed_corrections` (PyTorch, for training) and
 in `compiled_forward` (its compiled twin, for whole volumes).
@@ -44,7 +44,6 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "candidate": ["UPSTREAM", "VIGNETTING", "LearnedShared", "learn_shared"],
         "correction": ["CorrectionEncoder", "ViewParameters"],
         "learned_weights": ["LearnedWeights", "Profile"],
         "left_out": ["LeftOut"],

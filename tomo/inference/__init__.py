@@ -1,0 +1,1 @@
+"""Voxels and effects found together, and what is said about them."""

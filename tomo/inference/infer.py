@@ -1,0 +1,311 @@
+"""Effects found beside the voxels, one at a time, as far as they exceed what exact cameras make.
+
+Detection, identification, adaptation: all effects are scored from one fit, the largest is let
+loose and found together with the voxels, and all are scored again, until none exceeds its null.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.ndimage import binary_dilation
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from tomo.grid import ActiveVoxels
+from tomo.inference.fit import (
+    TRUSTED,
+    Fit,
+    Values,
+    continued,
+    first_fit,
+    next_fit,
+    scale_of,
+    smoothed,
+    with_surroundings,
+    with_trust,
+)
+from tomo.inference.steps import DRAWN, Null, Steps
+from tomo.model.effect import Effect
+from tomo.model.gauge import without_gauge
+from tomo.model.observation import Observation
+
+FALSE_ALARMS = 0.02
+"""Probability that anything is said of a faultless scene."""
+
+NEGLIGIBLE = 0.1
+"""Size of an effect, in standard deviations of its prior, that is never told from voxels."""
+
+LEAST = {"outside": 0.001, "hidden": 0.002}
+"""The same for light from outside, a fraction of all, and for pixels that nothing explains."""
+
+ROUNDS = 8
+"""Effects that are let loose, one after the other. More take longer where cameras all err."""
+
+STEPS = 8
+"""Gauss-Newton steps of an effect at most; they end when none is larger than `NEGLIGIBLE`."""
+
+WIDER = 2
+"""Pixels around those that nothing explains that are not trusted either."""
+
+INDEPENDENT = 12.6
+"""Pixels that a smoothed residual is the mean of: 4 pi squared standard deviations."""
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """How far the inference came.
+
+    Attributes
+    ----------
+    fit : Fit
+    values : mapping of str to (views, parameters)
+        Of the effects so far.
+    free : mapping of str to (views, parameters) bool
+        Those that were let loose.
+    hidden : (views,) bool
+        The views of which pixels are left out that nothing explains.
+    """
+
+    fit: Fit
+    values: Values
+    free: dict[str, NDArray[np.bool_]]
+    hidden: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class Inference:
+    """What was found beside the voxels.
+
+    Attributes
+    ----------
+    observation : Observation
+        As it was looked at.
+    effects : tuple of Effect
+    state : State
+    scores : mapping of str to (views,) float64
+        How far each effect of each view exceeded its null when it was let loose, or at the end: 1
+        is the limit.
+    spread : mapping of str to (parameters,) float64
+        What exact cameras make of each effect that was tested against the null.
+    """
+
+    observation: Observation
+    effects: tuple[Effect, ...]
+    state: State
+    scores: dict[str, NDArray[np.float64]]
+    spread: dict[str, NDArray[np.float64]]
+
+    @property
+    def has_outside(self) -> bool:
+        """Whether light from around the grid was found."""
+        return self.state.fit.around is not None
+
+
+def infer(
+    observation: Observation,
+    effects: Sequence[Effect],
+    active: ActiveVoxels | None = None,
+    asked: Sequence[str] = (),
+    look_outside: bool = True,
+) -> Inference:
+    """Return the effects that exceed their null, found together with the voxels.
+
+    Parameters
+    ----------
+    observation : Observation
+        A coarse copy will do.
+    effects : sequence of Effect
+    active : ActiveVoxels, optional
+        The voxels that dark pixels do not prove empty.
+    asked : sequence of str
+        Effects that are let loose whatever their score.
+    look_outside : bool
+        Whether light may come from around the grid.
+    """
+    views = len(observation.rig)
+    none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
+    free = {n: np.full(v.shape, n in asked) for n, v in none.items()}
+    state = State(first_fit(observation, active), dict(none), free, np.zeros(views, bool))
+    search = _Search(observation, tuple(effects), active, look_outside)
+    if asked:
+        state = search.relaxed(state)
+    for _ in range(ROUNDS):
+        ratio = search.ratios(state)
+        best = max((n for n in ratio if n != "hidden"), key=lambda n: ratio[n].max())
+        doubted = ratio["hidden"] >= 1
+        if ratio[best].max() >= 1:
+            state = search.adapted(state, best, ratio[best], doubted)
+        elif doubted.any():
+            state = search.without_hidden(state, doubted)
+        else:
+            break
+    return Inference(observation, tuple(effects), state, search.highest, search.spread)
+
+
+class _Search:
+    """What the rounds of an inference share: the observation, its null, and the limits."""
+
+    def __init__(
+        self,
+        observation: Observation,
+        effects: tuple[Effect, ...],
+        active: ActiveVoxels | None,
+        look_outside: bool,
+    ) -> None:
+        self.observation, self.effects, self.active = observation, effects, active
+        self.look_outside = look_outside
+        self.deviation = {e.name: e.deviation(observation) for e in effects}
+        views = len(observation.rig)
+        own = sum(self.deviation[e.name].size for e in effects if not e.shared)
+        shared = 1 + sum(e.shared for e in effects)
+        self.own_limit = float(student.isf(FALSE_ALARMS / 4 / (own + views), DRAWN * views))
+        self.shared_limit = float(norm.isf(FALSE_ALARMS / 2 / shared))
+        self._null: Null | None = None
+        self.bias: dict[str, float] = {}
+        self.highest: dict[str, NDArray[np.float64]] = {}
+        self.spread: dict[str, NDArray[np.float64]] = {}
+
+    def null(self, steps: Steps) -> Null:
+        """Return the null of the first fit; it is drawn when something may exceed it."""
+        if self._null is None:
+            self._null = Null(steps, self.active)
+        return self._null
+
+    def ratios(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """Return each effect's score over its limit by view, 0 where it is loose already."""
+        steps, views = Steps(state.fit, self.effects, state.values), len(state.hidden)
+        found: dict[str, NDArray[np.float64]] = {}
+        for effect in self.effects:
+            name, least = effect.name, NEGLIGIBLE * self.deviation[effect.name]
+            if state.free[name].all():
+                found[name] = np.zeros(views)
+            elif effect.shared:
+                found[name] = np.full(views, self._shared(steps, effect, least[0, 0]))
+            else:
+                size = steps.own[name]
+                size = np.maximum(size, 0) if effect.positive else np.abs(size)
+                spread = np.zeros(least.shape[1])
+                if (size > self.own_limit * least).any():
+                    spread = self.spread[name] = self.null(steps).spread(name)
+                score = np.where(state.free[name], 0, size / np.hypot(spread, least))
+                found[name] = score.max(axis=1) / self.own_limit
+        found["outside"] = np.zeros(views)
+        if self.look_outside and state.fit.around is None:
+            found["outside"][:] = self._outside(steps)
+        hidden, few = steps.hidden, LEAST["hidden"]
+        often = self.null(steps).hidden() if (hidden > self.own_limit * few).any() else 0.0
+        found["hidden"] = np.where(state.hidden, 0, hidden / np.hypot(often, few))
+        found["hidden"] /= self.own_limit
+        for name, ratio in found.items():
+            self.highest[name] = np.maximum(self.highest.get(name, 0), ratio)
+        return found
+
+    def _shared(self, steps: Steps, effect: Effect, least: float) -> float:
+        """Return the score over its limit of an effect that all views share."""
+        value = steps.shared(effect)
+        if value <= 0:  # the wrong sign is no evidence, whatever the null
+            return 0.0
+        mean, spread = self.null(steps).of(lambda one: one.shared(effect))
+        self.bias[effect.name] = mean
+        return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit
+
+    def _outside(self, steps: Steps) -> float:
+        least = LEAST["outside"]
+        if steps.outside <= self.shared_limit * least:
+            return 0.0
+        mean, spread = self.null(steps).of(lambda one: one.outside)
+        return (steps.outside - mean) / float(np.hypot(spread, least)) / self.shared_limit
+
+    def adapted(
+        self,
+        state: State,
+        name: str,
+        ratio: NDArray[np.float64],
+        doubted: NDArray[np.bool_],
+    ) -> State:
+        """Return the state with an effect let loose, in its worst view or, if most ask, in all.
+
+        Where pixels of that view are doubted, leaving these out instead is compared.
+        """
+        if name == "outside":
+            return self.relaxed(replace(state, fit=with_surroundings(state.fit)))
+        over = ratio >= 1
+        over = np.full(len(over), True) if over.mean() > 0.5 else ratio >= ratio.max()
+        free = {n: f.copy() for n, f in state.free.items()}
+        free[name] |= over[:, None]
+        loose = self.relaxed(replace(state, free=free, fit=_trusting(state.fit, over)))
+        if not (doubted & over).any():
+            return loose
+        without = self.without_hidden(state, doubted & over)
+        scale = min(_scale(loose.fit), _scale(without.fit))
+        cost = [_disagreement(s.fit, scale) + self._prior(s.values) for s in (loose, without)]
+        return loose if cost[0] <= cost[1] else without
+
+    def _prior(self, values: Values) -> float:
+        return sum(float(np.square(v / self.deviation[n]).sum()) for n, v in values.items())
+
+    def without_hidden(self, state: State, views: NDArray[np.bool_]) -> State:
+        """Return the state without the pixels of some views that lost their weight."""
+        fit = state.fit
+        lost = fit.system.images((fit.trust < 0.5).astype(np.float32))
+        wide = [
+            binary_dilation(image > 0, iterations=WIDER).astype(np.float32) * view
+            for image, view in zip(lost, views, strict=True)
+        ]
+        fit = replace(fit, usable=fit.usable & ~(fit.system.flatten(wide) > 0))
+        for _ in range(2):
+            fit = with_trust(next_fit(fit))
+        return replace(state, fit=fit, hidden=state.hidden | views)
+
+    def relaxed(self, state: State) -> State:
+        """Return the state after Gauss-Newton steps of all that is loose."""
+        fit, values = state.fit, state.values
+        for _ in range(STEPS):
+            step = next_fit(fit, self.effects, free=state.free, values=values)
+            moved = {}
+            for effect in self.effects:
+                change = step.values[effect.name]
+                if effect.shared and change.any():  # to where one more step is the null's
+                    change = change - self.bias.get(effect.name, 0.0)
+                found = values[effect.name] + change
+                moved[effect.name] = np.maximum(found, 0) if effect.positive else found
+            moved = without_gauge(moved, self.observation, step.means, state.free)
+            size = max(
+                float(np.abs((moved[n] - values[n]) / self.deviation[n]).max()) for n in moved
+            )
+            values = moved
+            seen = corrected(self.observation, self.effects, values)
+            fit = continued(step, seen, self.active)
+            fit = with_trust(next_fit(fit))
+            if size < NEGLIGIBLE:
+                break
+        return replace(state, fit=fit, values=values)
+
+
+def corrected(observation: Observation, effects: Sequence[Effect], values: Values) -> Observation:
+    """Return the observation without the effects."""
+    for effect in effects:
+        if values[effect.name].any():
+            observation = effect.applied(observation, values[effect.name])
+    return observation
+
+
+def _trusting(fit: Fit, views: NDArray[np.bool_]) -> Fit:
+    """Return the fit with all usable pixels of some views trusted again."""
+    of_view = np.repeat(views, np.diff(fit.system.projector.view_ptr))
+    return replace(fit, trust=np.where(of_view & fit.usable, 1.0, fit.trust))
+
+
+def _scale(fit: Fit) -> float:
+    return scale_of(fit, smoothed(fit))
+
+
+def _disagreement(fit: Fit, scale: float) -> float:
+    """Return the bounded sum of squared smoothed residuals, in independent pixels."""
+    squares = np.square(smoothed(fit) / scale)
+    bounded = np.where(fit.usable, squares / (1 + squares / TRUSTED**2), TRUSTED**2)
+    return float(bounded.sum()) / INDEPENDENT

@@ -1,0 +1,207 @@
+"""Voxels and effects in one least-squares problem, solved together."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo._compute.reductions import dot
+from tomo.operators.operator import ProjectionOperator
+from tomo.priors import RelativeCurvature
+
+
+class Unknowns(NamedTuple):
+    """Voxels, voxels around the grid, parameters of the views, and those that views share.
+
+    Parameters are in standard deviations of their priors.
+    """
+
+    voxels: NDArray[np.float64]  # (unknowns,)
+    outside: NDArray[np.float64]  # (outside unknowns,)
+    own: NDArray[np.float64]  # (parameters, views)
+    shared: NDArray[np.float64]  # (parameters,)
+
+    def plus(self, step: float, other: Unknowns) -> Unknowns:
+        """Return the sum with ``step`` times another."""
+        return Unknowns(*(a + step * b for a, b in zip(self, other, strict=True)))
+
+    def dot(self, other: Unknowns) -> float:
+        """Return the inner product."""
+        return sum(dot(a.ravel(), b.ravel()) for a, b in zip(self, other, strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """``||W^½ (b - A x - B o - T t)||² + s ||D x||² + q ||o||² + ||t + d||²``, x and o above zero.
+
+    Attributes
+    ----------
+    operator, outside : ProjectionOperator
+        ``A`` and ``B``, of voxels in and around the grid; ``B`` may be None.
+    weights : (pixels,) float64
+        ``W``, inverse variances.
+    prior : RelativeCurvature
+        ``D``.
+    strength, outside_strength : float
+        ``s`` and ``q``, inverse variances of the priors on voxels.
+    own : (parameters, pixels) float64
+        Columns of ``T`` of the parameters that each view has for itself.
+    shared : (parameters, pixels) float64
+        Columns of those that all views share.
+    departure : Unknowns
+        ``d``: how far the parameters are from the mean of their priors already.
+    """
+
+    operator: ProjectionOperator
+    weights: NDArray[np.float64]
+    prior: RelativeCurvature
+    strength: float
+    own: NDArray[np.float64]
+    shared: NDArray[np.float64]
+    departure: tuple[NDArray[np.float64], NDArray[np.float64]]
+    outside: ProjectionOperator | None = None
+    outside_strength: float = 0.0
+
+    @cached_property
+    def _of_view(self) -> NDArray[np.int64]:
+        return np.repeat(np.arange(self.operator.n_views), np.diff(self.operator.view_ptr))
+
+    def view_sums(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums over each view's pixels, ``(k, views)`` of ``(k, pixels)``."""
+        before = np.zeros((len(values), values.shape[1] + 1))
+        np.cumsum(values, axis=1, out=before[:, 1:])
+        return np.diff(before[:, self.operator.view_ptr], axis=1)
+
+    def forward(self, z: Unknowns) -> NDArray[np.float64]:
+        """Return ``A x + B o + T t``, ``(pixels,)``."""
+        pixels = np.asarray(self.operator @ z.voxels.astype(np.float32), np.float64)
+        if self.outside is not None:
+            pixels = pixels + np.asarray(self.outside @ z.outside.astype(np.float32), np.float64)
+        for column, values in zip(self.own, z.own, strict=True):
+            pixels = pixels + column * values[self._of_view]
+        for column, value in zip(self.shared, z.shared, strict=True):
+            pixels = pixels + column * value
+        return pixels
+
+    def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
+        """Return the adjoint of `forward`."""
+        single = pixels.astype(np.float32)
+        outside = np.zeros(0) if self.outside is None else self.outside.T @ single
+        return Unknowns(
+            np.asarray(self.operator.T @ single, np.float64),
+            np.asarray(outside, np.float64),
+            self.view_sums(self.own * pixels),
+            self.shared @ pixels,
+        )
+
+    def _bent(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
+        return self.prior.forward(x.astype(np.float32)).astype(np.float64)
+
+    def _energy(self, z: Unknowns, image: NDArray[np.float64]) -> float:
+        """Return the quadratic form of a direction."""
+        bent = self._bent(z.voxels)
+        return (
+            dot(image, self.weights * image)
+            + self.strength * dot(bent, bent)
+            + self.outside_strength * dot(z.outside, z.outside)
+            + float((z.own**2).sum() + (z.shared**2).sum())
+        )
+
+    def _downhill(self, z: Unknowns, residual: NDArray[np.float64]) -> Unknowns:
+        """Return minus half the gradient."""
+        g = self.adjoint(self.weights * residual)
+        bent = self.prior.adjoint(self._bent(z.voxels).astype(np.float32)).astype(np.float64)
+        return Unknowns(
+            g.voxels - self.strength * bent,
+            g.outside - self.outside_strength * z.outside,
+            g.own - z.own - self.departure[0],
+            g.shared - z.shared - self.departure[1],
+        )
+
+    def _preconditioner(self) -> Callable[[Unknowns, Unknowns], Unknowns]:
+        """Return the map by a bound of the diagonal for voxels, by blocks for parameters."""
+        curvature = 8 * self.strength * float(np.mean(self.prior.weights.astype(np.float64)) ** 2)
+        lengths = self.weights * np.asarray(self.operator.row_sums)
+        x = np.asarray(self.operator.T @ lengths.astype(np.float32), np.float64) + curvature
+        x = np.maximum(x, 1e-9 * x.max(initial=1e-30))
+        o = np.zeros(0)
+        if self.outside is not None:
+            lengths = self.weights * np.asarray(self.outside.row_sums)
+            o = np.asarray(self.outside.T @ lengths.astype(np.float32)) + self.outside_strength
+        k = len(self.own)
+        grams = np.zeros((self.operator.n_views, k, k))
+        for n, column in enumerate(self.own):
+            grams[:, n] = self.view_sums(self.own * (self.weights * column)).T
+        blocks = np.asarray(np.linalg.inv(grams + np.eye(k)), np.float64)
+        gram = (self.shared * self.weights) @ self.shared.T
+        common = np.linalg.inv(gram + np.eye(len(gram)))
+
+        def apply(g: Unknowns, free: Unknowns) -> Unknowns:
+            return Unknowns(
+                g.voxels * free.voxels / x,
+                g.outside * free.outside / o,
+                np.einsum("vij,jv->iv", blocks, g.own),
+                common @ g.shared,
+            )
+
+        return apply
+
+    def solve(self, b: NDArray, z: Unknowns, iterations: int) -> tuple[Unknowns, NDArray]:
+        """Return the unknowns after some iterations of projected conjugate gradients from ``z``.
+
+        Also returns the residual ``b - A x - B o - T t``, ``(pixels,)``.
+        """
+        precondition = self._preconditioner()
+        residual = b - self.forward(z)
+        direction, old = z, None
+        for _ in range(iterations):
+            g = self._downhill(z, residual)
+            free = _free(z, g)
+            steep = precondition(g, free)
+            size = g.dot(steep)
+            if not size > 0:
+                break
+            if old is None:
+                direction = steep
+            else:
+                turn = max(0.0, (size - g.dot(old[0])) / old[1])
+                kept = Unknowns(*(a * b for a, b in zip(direction, free, strict=True)))
+                direction = steep.plus(turn, kept)
+            old = steep, size
+            image = self.forward(direction)
+            step = g.dot(direction) / self._energy(direction, image)
+            if not step > 0:
+                break
+            new = _feasible(z.plus(step, direction))
+            change = new.plus(-1.0, z)
+            if np.array_equal(new.voxels, z.voxels + step * direction.voxels) and np.array_equal(
+                new.outside, z.outside + step * direction.outside
+            ):
+                image = step * image
+            else:
+                image = self.forward(change)
+                energy = self._energy(change, image)
+                shorter = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
+                new, image = _feasible(z.plus(shorter, change)), shorter * image
+            z, residual = new, residual - image
+        return z, residual
+
+
+def _free(z: Unknowns, downhill: Unknowns) -> Unknowns:
+    """Return 1 for what may change: what is above zero, or would rise."""
+    return Unknowns(
+        np.where((z.voxels <= 0) & (downhill.voxels <= 0), 0.0, 1.0),
+        np.where((z.outside <= 0) & (downhill.outside <= 0), 0.0, 1.0),
+        np.ones_like(z.own),
+        np.ones_like(z.shared),
+    )
+
+
+def _feasible(z: Unknowns) -> Unknowns:
+    """Return the nearest unknowns of which no voxel is below zero."""
+    return z._replace(voxels=np.maximum(z.voxels, 0), outside=np.maximum(z.outside, 0))

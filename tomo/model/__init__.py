@@ -1,0 +1,19 @@
+"""How pixels come about: the operator, and the effects of cameras and gas on what it predicts."""
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(
+    __name__,
+    submod_attrs={
+        "absorbing": ["Absorbing"],
+        "background": ["Background"],
+        "corrections": ["Corrections"],
+        "effect": ["Effect", "Prediction"],
+        "fall_off": ["FallOff"],
+        "gain": ["Gain"],
+        "gauge": ["without_gauge"],
+        "observation": ["Observation"],
+        "outside": ["Surroundings"],
+        "pose": ["Pose"],
+    },
+)

@@ -1,0 +1,75 @@
+"""What was found of cameras and gas, as a value that corrects images of any frame and size."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.model.effect import Effect
+from tomo.model.observation import Observation
+from tomo.model.outside import Surroundings
+from tomo.operators import TRANSPARENT, Absorption
+
+Values = Mapping[str, NDArray[np.float64]]
+
+
+@dataclass(frozen=True, eq=False)
+class Corrections:
+    """The values of the effects, pixels that nothing explains, and light from around the grid.
+
+    Attributes
+    ----------
+    names : tuple of str
+        The cameras, in the order of the values' rows.
+    grid : VoxelGrid
+    effects : tuple of Effect
+    values : mapping of str to (views, parameters) float64
+        By effect; motions in pixels of the images as recorded.
+    absorption : Absorption
+        Of all gas, known and found.
+    untrusted : mapping of str to (height, width) bool
+        By camera: pixels that show what neither the volume nor an effect explains.
+    outside : (cells,) float64, optional
+        The light of `tomo.model.outside.Surroundings`.
+    """
+
+    names: tuple[str, ...]
+    grid: VoxelGrid
+    effects: tuple[Effect, ...] = ()
+    values: Values = field(default_factory=dict)
+    absorption: Absorption = TRANSPARENT
+    untrusted: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    outside: NDArray[np.float64] | None = None
+
+    def __repr__(self) -> str:
+        """Name the effects that are not zero."""
+        found = [name for name, one in self.values.items() if one.any()]
+        return f"<Corrections: {', '.join(found) or 'none'}>"
+
+    def applied(self, observation: Observation, *, move: bool = True) -> Observation:
+        """Return the observation without the effects, untrusted pixels masked.
+
+        Cameras that are not among `names` stay as they are, and all do unless ``move``.
+        """
+        rows = [self.names.index(n) if n in self.names else None for n in observation.rig.names]
+        for effect in self.effects:
+            own = self.values[effect.name]
+            none = np.zeros(own.shape[1])
+            values = np.array([none if row is None else own[row] for row in rows])
+            if values.any() and not effect.of_gas and (move or not effect.of_cameras):
+                observation = effect.applied(observation, values)
+        if self.outside is not None:
+            observation = Surroundings.of(observation.grid).without(observation, self.outside)
+        masks = tuple(
+            mask & ~self.untrusted[name] if name in self.untrusted else mask
+            for name, mask in zip(observation.rig.names, observation.masks, strict=True)
+        )
+        return replace(observation, masks=masks, absorption=self.absorption)
+
+    def of(self, name: str) -> NDArray[np.float64]:
+        """Return the values of an effect; zeros of one parameter where it was not looked for."""
+        return self.values.get(name, np.zeros((len(self.names), 1)))

@@ -1,0 +1,118 @@
+"""The gauge: what no image can tell, taken out of the effects."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.model.effect import image_frame
+from tomo.model.observation import Observation
+
+FLOOR = 0.03
+"""Length in pixels below which motions count by their squares: smaller, iterations jump."""
+
+POINTS = 500
+"""Voxels, the brightest, that stand for the scene."""
+
+REWEIGHTINGS = 30
+"""Of the least sum of lengths; it has settled by then."""
+
+
+def without_gauge(
+    values: Mapping[str, NDArray[np.float64]],
+    observation: Observation,
+    volume: NDArray,
+    free: Mapping[str, NDArray[np.bool_]] | None = None,
+) -> dict[str, NDArray[np.float64]]:
+    """Return effects without a common gain, and without a motion or growth of the scene.
+
+    Where single views may be wrong, the sum of the views' lengths is made least, so that one may
+    be far off and the others right; the median of the gains is one. Where ``free`` says that most
+    views may be wrong, least squares are: a scene that is moved as a whole would be paid for by
+    cameras that are held out.
+    """
+    found = dict(values)
+    most = {
+        name: free is None or bool(free[name].any(axis=1).sum() > len(observation.rig) / 2)
+        for name in found
+    }
+    if "gain" in found and most["gain"]:
+        sure = observation.sets_scale or (True,) * len(observation.rig)
+        found["gain"] = found["gain"] - np.median(found["gain"][list(sure)])
+    if "pose" in found and most["pose"] and found["pose"].any():
+        motions = scene_motions(observation, volume)
+        rounds = REWEIGHTINGS if free is None else 1
+        found["pose"] = _shortest(found["pose"], motions, rounds)
+    return found
+
+
+def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float64]:
+    """Return what motions and a growth of the scene make of each view, ``(views, 6, 7)``.
+
+    The parameters are those of `tomo.model.Pose`; the modes are three shifts, three turns and a
+    growth about the middle of the light, fitted to the images of the brightest voxels.
+    """
+    points, weight = _brightest(observation, volume)
+    grid, rig = observation.grid, observation.rig
+    step, span = 0.01 * min(grid.extent), max(grid.extent)
+    middle = np.asarray(grid.center)
+    modes = [points + step * axis for axis in np.eye(3)]
+    modes += [points + step * np.cross(axis, points - middle) / span for axis in np.eye(3)]
+    modes += [points + step * (points - middle) / span]
+    found = np.zeros((len(rig), 6, len(modes)))
+    for view, camera in enumerate(rig):
+        at = np.asarray(camera.project(points)[0])
+        seen = np.isfinite(at).all(axis=1)
+        at, both = np.where(seen[:, None], at, 0), np.tile(np.where(seen, weight, 0), 2)
+        width, height = camera.image_size
+        _, _, radius = image_frame(camera.image_size)
+        center = np.array([width - 1, height - 1]) / 2
+        if camera.has_pose:
+            center = np.asarray(camera.camera_matrix[:2, 2])
+        x, y = ((at - center) / radius).T
+        one, no = np.ones_like(x), np.zeros_like(x)
+
+        def change(there: NDArray, camera=camera, at=at, seen=seen) -> NDArray:
+            moved = np.where(seen[:, None], np.asarray(camera.project(there)[0]) - at, 0)
+            return np.r_[moved[:, 0], moved[:, 1]]
+
+        columns = [np.r_[one, no], np.r_[no, one], np.r_[-y, x], np.r_[x, y]]
+        for axis in (camera.R[1], camera.R[0]):  # the scene turns the other way
+            columns.append(change(points + step * np.cross(points - middle, axis) / radius) / step)
+        basis = np.stack(columns, axis=1)
+        if not camera.has_pose:
+            basis[:, 2:4] = 0
+        made = np.stack([change(there) for there in modes], axis=1)
+        found[view] = np.linalg.lstsq(basis * both[:, None], made * both[:, None], rcond=1e-9)[0]
+    return found
+
+
+def _brightest(observation: Observation, volume: NDArray) -> tuple[NDArray, NDArray]:
+    """Return the centres of the brightest voxels and the roots of their light."""
+    grid = observation.grid
+    axes = [
+        low + step * (np.arange(n) + 0.5)
+        for low, step, n in zip(grid.lower, grid.spacing, grid.shape, strict=True)
+    ]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    light = np.maximum(volume, 0).ravel().astype(np.float64)
+    order = np.argsort(-light, kind="stable")[: max(len(light) // 20, 200)]
+    order = order[:: len(order) // POINTS + 1]
+    light = light[order] + np.finfo(np.float32).tiny
+    return points[order], np.sqrt(light / light.sum())
+
+
+def _shortest(
+    motion: NDArray[np.float64], modes: NDArray[np.float64], rounds: int
+) -> NDArray[np.float64]:
+    """Return the motions less the scene's: of the least squares, or after rounds, least sum."""
+    weight, left = np.ones(len(motion)), motion
+    flat = modes.reshape(-1, modes.shape[2])
+    for _ in range(rounds):
+        root = np.repeat(np.sqrt(weight), motion.shape[1])
+        move = np.linalg.lstsq(flat * root[:, None], motion.ravel() * root, rcond=1e-9)[0]
+        left = motion - modes @ move
+        weight = 1 / np.sqrt((left**2).sum(axis=1) + FLOOR**2)
+    return left

@@ -1,0 +1,79 @@
+"""What cameras recorded at one moment, and how: the data that a model of the image explains."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import Rig
+from tomo.grid import VoxelGrid
+from tomo.measurement import NoiseModel
+from tomo.operators import TRANSPARENT, Absorption
+from tomo.scan.downsample import Coarser
+
+Images = tuple[NDArray[np.float32], ...]
+Masks = tuple[NDArray[np.bool_], ...]
+
+BRIGHT = 99.8
+"""Percentile of an image's pixels that counts as its brightest. Higher, hot pixels decide; lower,
+small flames in large images count as dark."""
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """The images of one frame, with the cameras, the noise and the gas that they are seen through.
+
+    Attributes
+    ----------
+    rig : Rig
+    images : tuple of (height, width) float32
+        One a camera.
+    masks : tuple of (height, width) bool
+        True where a pixel is usable.
+    noise : tuple of NoiseModel
+        Of each image.
+    grid : VoxelGrid
+    absorption : Absorption
+        Of gas that is known, or was found.
+    sets_scale : tuple of bool, optional
+        The cameras whose gains have the mean 1, those of calibrated brightness; all when None.
+    """
+
+    rig: Rig
+    images: Images
+    masks: Masks
+    noise: tuple[NoiseModel, ...]
+    grid: VoxelGrid
+    absorption: Absorption = TRANSPARENT
+    sets_scale: tuple[bool, ...] | None = None
+
+    @cached_property
+    def brightest(self) -> float:
+        """The brightest light of all images, in their unit; 0 where all are dark."""
+        found = [
+            float(np.percentile(image[mask], BRIGHT)) if mask.any() else 0.0
+            for image, mask in zip(self.images, self.masks, strict=True)
+        ]
+        return max([0.0, *found])
+
+    def coarser(self, factor: int) -> Observation:
+        """Return the observation in pixels and voxels ``factor`` times as wide."""
+        if factor == 1:
+            return self
+        found = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
+        noise = tuple(NoiseModel(one.read / factor, one.gain / factor**2) for one in self.noise)
+        return replace(
+            self, rig=found.rig, images=found.images, masks=found.masks, noise=noise,
+            grid=found.grid,
+        )  # fmt: skip
+
+    def with_images(self, images: list[NDArray[np.float32]]) -> Observation:
+        """Return the observation with other images."""
+        return replace(self, images=tuple(images))
+
+    def __repr__(self) -> str:
+        """Name the number of views and the grid."""
+        return f"<Observation: {len(self.rig)} views, grid {self.grid.shape}>"

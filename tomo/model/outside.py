@@ -1,0 +1,70 @@
+"""Light from outside the grid: coarse voxels around it, as far as a grid's width away."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.model.observation import Observation
+from tomo.operators import LinearSystem
+
+CELLS = 6
+"""Voxels around the grid along a length of each of its edges. More: light of noise; fewer: steps
+between them show in the images."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Coarse voxels in a box twice as wide as the grid, without the grid itself.
+
+    Attributes
+    ----------
+    grid : VoxelGrid
+    active : ActiveVoxels
+    """
+
+    grid: VoxelGrid
+    active: ActiveVoxels
+
+    @classmethod
+    def of(cls, grid: VoxelGrid) -> Surroundings:
+        """Return the surroundings of a grid."""
+        size = 2 * CELLS
+        middle, half = (grid.lower + grid.upper) / 2, np.asarray(grid.extent)
+        box = VoxelGrid.from_bounds((size,) * 3, middle - half, middle + half)
+        around = np.ones(box.shape, bool)
+        inner = slice(CELLS // 2, CELLS // 2 + CELLS)
+        around[inner, inner, inner] = False
+        return cls(box, ActiveVoxels.from_mask(box, around))
+
+    def equations(self, system: LinearSystem) -> LinearSystem:
+        """Return the equations of the same pixels as a system's, of the voxels around."""
+        masks = []
+        for camera, kept in zip(system.rig, system.pixels, strict=True):
+            width, height = camera.image_size
+            mask = np.zeros(width * height, bool)
+            mask[kept] = True
+            masks.append(mask.reshape(height, width))
+        return LinearSystem.from_rig(
+            system.rig, self.grid, masks=masks, active=self.active, skip=False, form="stored"
+        )
+
+    def without(self, observation: Observation, light: NDArray[np.float64]) -> Observation:
+        """Return the observation without the light of the voxels around, ``(unknowns,)``."""
+        if not light.any():
+            return observation
+        whole = [np.ones(image.shape, bool) for image in observation.images]
+        system = LinearSystem.from_rig(
+            observation.rig,
+            self.grid,
+            masks=whole,
+            active=self.active,
+            skip=True,
+            form="on-the-fly",
+        )
+        seen = system.images(system.projector @ light.astype(np.float32))
+        images = tuple(a - b for a, b in zip(observation.images, seen, strict=True))
+        return replace(observation, images=images)

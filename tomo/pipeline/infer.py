@@ -1,0 +1,310 @@
+"""Stage 3, infer: what is wrong with cameras, images and gas, found beside a coarse volume."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rigs import CameraLike
+from rigs.progress import Progress
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.hull import carve
+from tomo.inference.finding import Finding
+from tomo.inference.infer import Inference, infer
+from tomo.inference.unusable import doubles, is_dark
+from tomo.model import (
+    Absorbing,
+    Background,
+    Corrections,
+    FallOff,
+    Gain,
+    Observation,
+    Pose,
+)
+from tomo.model.effect import Effect
+from tomo.operators import Absorption, extinction_of
+from tomo.operators.view_gains import Gains
+from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
+from tomo.pipeline.methods import AUTO, method_named
+from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.screen import ScreenedScan, parted
+from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.scan import Scan
+from tomo.scan.downsample import coarsening
+
+SEGMENTS = 600_000
+"""Segments, about, of the coarse copy. More take longer; fewer hide what thin flames tell."""
+
+COARSEST = 16
+"""Voxels along the grid's longest edge, and pixels along an image's shortest, of that copy."""
+
+FEWEST_VIEWS = 3
+"""Views that effects need at least: whatever is wrong, some volume reproduces two."""
+
+MOST_HIDDEN = 0.5
+"""Fraction of a camera's pixels that nothing explains, from which it is left out."""
+
+
+def given_absorption(scan: Scan, options: Options) -> Absorption:
+    """Return the absorption that is known: the option's, and that of gas in the rig's scene."""
+    return Absorption(medium=options.absorption or 0.0, extinction=extinction_of(scan.rig))
+
+
+def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect, ...]:
+    """Return the effects that options let loose, for pixels ``factor`` times as wide."""
+    found: list[Effect] = []
+    default = method_named(options.method).name == AUTO
+    if options.screen and options.fit_gain is not False:
+        found += [Gain(), Background()]
+    if options.screen and default:
+        found.append(FallOff())
+    if options.fit_absorption or (options.fit_absorption is None and default):
+        given = known.extinction is not None
+        if options.absorption is None and not given:
+            found.append(Absorbing(own=False))
+        if options.fit_absorption or not given:
+            found.append(Absorbing(own=True))
+    if options.align:
+        found.append(Pose(Pose.sigma / factor))
+    return tuple(found)
+
+
+def infer_effects(
+    screened: ScreenedScan,
+    whole: Scan,
+    grid: VoxelGrid,
+    options: Options,
+    progress: Progress | None = None,
+) -> ScreenedScan:
+    """Return the images that take part, corrected by what exceeds its null.
+
+    Parameters
+    ----------
+    screened : ScreenedScan
+    whole : Scan
+        All cameras, those held out too.
+    grid : VoxelGrid
+    options : Options
+    progress : callable, optional
+    """
+    with timed() as stage:
+        if options.screen:
+            screened = _without_unusable(screened, whole)
+        known = given_absorption(screened.scan, options)
+        with as_warning("effects of cameras and gas: not looked for", stage.warnings):
+            screened = _inferred(screened, grid, options, known)
+        stage.warnings += [one.sentence for one in screened.findings]
+        stage.warnings += _lines_for_scan(screened, whole, options)
+    record = Record(
+        screened.record.seconds + stage.record.seconds,
+        (*screened.record.warnings, *stage.record.warnings),
+    )
+    return replace(screened, record=record)
+
+
+def _lines_for_scan(screened: ScreenedScan, whole: Scan, options: Options) -> list[str]:
+    """Return the lines of a scan.yaml that correct gains and dark levels."""
+    names, gains, lines = screened.scan.rig.names, screened.gains, []
+    if gains is not None and not options.fit_gain:
+        line = line_for_gains(gains, names, whole.corrections)
+        lines += [f"gains: to have them in the scan, write into scan.yaml: {line}"] if line else []
+    levels = dark_levels(screened.pixels, gains, names)
+    dark = line_for_dark(levels, whole.rig.names, whole, fitted=gains is not None)
+    return lines + ([dark] if dark else [])
+
+
+def _without_unusable(screened: ScreenedScan, whole: Scan) -> ScreenedScan:
+    """Return the scan without images that say nothing, if enough others are left."""
+    names, found = screened.scan.rig.names, []
+    for name, image, mask, noise in zip(
+        names, screened.images, screened.masks, screened.noise, strict=True
+    ):
+        if is_dark(image, mask, noise):
+            found.append(Finding("dark", name))
+    for first, second in doubles(screened.images):
+        found += [
+            Finding("order", names[a], other=names[b])
+            for a, b in ((first, second), (second, first))
+        ]
+    gone = tuple(dict.fromkeys(one.camera for one in found if one.camera))
+    if not found or len(names) - len(gone) < FEWEST_VIEWS:
+        return screened
+    return _left_out(replace(screened, findings=tuple(found)), whole, gone)
+
+
+def _left_out(screened: ScreenedScan, whole: Scan, gone: Sequence[str]) -> ScreenedScan:
+    """Return the scan without some more cameras."""
+    rest = replace(screened, apart=None, apart_images=[], apart_masks=[])
+    kept = parted(rest, screened.scan, gone)
+    if screened.apart is not None and kept.apart is not None:
+        names = [*screened.apart.rig.names, *kept.apart.rig.names]
+        both = dict(zip(names, [*screened.apart_images, *kept.apart_images], strict=True))
+        masks = dict(zip(names, [*screened.apart_masks, *kept.apart_masks], strict=True))
+        apart = whole.only(*names)
+        kept = replace(
+            kept,
+            apart=apart,
+            apart_images=[both[name] for name in apart.rig.names],
+            apart_masks=[masks[name] for name in apart.rig.names],
+        )
+    return replace(kept, excluded=(*screened.excluded, *gone))
+
+
+def _inferred(
+    screened: ScreenedScan, grid: VoxelGrid, options: Options, known: Absorption
+) -> ScreenedScan:
+    """Return the images corrected by what was found on a coarse copy."""
+    scan = screened.scan
+    factor = coarsening(scan.rig, grid, SEGMENTS, COARSEST)
+    effects = effects_of(options, known, factor)
+    lit = [bool((i[m] > 0).any()) for i, m in zip(screened.images, screened.masks, strict=True)]
+    if len(scan.rig) < FEWEST_VIEWS or sum(lit) < FEWEST_VIEWS or not effects:
+        return screened
+    observation = Observation(
+        scan.rig, tuple(screened.images), tuple(screened.masks), screened.noise, grid, known,
+        scan.sets_scale,
+    )  # fmt: skip
+    coarse = observation.coarser(factor)
+    if not coarse.brightest > 0:
+        return screened
+    found = infer(
+        coarse,
+        effects,
+        _not_dark(coarse, options),
+        asked=_asked(options, effects),
+        look_outside=options.screen,
+    )
+    corrections = _corrections(found, observation, factor)
+    seen = corrections.applied(observation)
+    return replace(
+        screened,
+        scan=replace(scan, rig=seen.rig),
+        images=list(seen.images),
+        masks=list(seen.masks),
+        noise=seen.noise,
+        corrections=corrections,
+        findings=(*screened.findings, *_findings(found, corrections, observation)),
+        gains=_gains(found, corrections, observation),
+        emission=_emission(found, grid) if corrections.absorption.emission else None,
+    )
+
+
+def _asked(options: Options, effects: Sequence[Effect]) -> list[str]:
+    """Return the effects that options ask for, whatever their score."""
+    names = ["gain", "background"] if options.fit_gain else []
+    names += ["medium", "self-absorption"] if options.fit_absorption else []
+    return [effect.name for effect in effects if effect.name in names]
+
+
+def _not_dark(coarse: Observation, options: Options) -> ActiveVoxels | None:
+    """Return the voxels that dark pixels do not prove empty."""
+    if not options.skip or options.carving == OFF:
+        return None
+    return carve(
+        tuple(coarse.rig), coarse.images, coarse.masks, coarse.grid, noise=coarse.noise
+    ).active
+
+
+def _corrections(found: Inference, observation: Observation, factor: int) -> Corrections:
+    """Return what was found on the coarse copy for images as they are."""
+    values = {name: np.array(one) for name, one in found.state.values.items()}
+    if "pose" in values:
+        values["pose"] *= factor
+    fit, untrusted = found.state.fit, {}
+    lost = fit.system.images((~fit.usable).astype(np.float32))
+    for name, mask, image, hidden in zip(
+        observation.rig.names, observation.masks, lost, found.state.hidden, strict=True
+    ):
+        if hidden:
+            large = np.kron(image > 0, np.ones((factor, factor), bool))
+            rows, columns = (max(a, b) for a, b in zip(mask.shape, large.shape, strict=True))
+            whole = np.zeros((rows, columns), bool)
+            whole[: large.shape[0], : large.shape[1]] = large
+            untrusted[name] = whole[: mask.shape[0], : mask.shape[1]]
+    return Corrections(
+        tuple(observation.rig.names),
+        observation.grid,
+        found.effects,
+        values,
+        fit.observation.absorption,
+        untrusted,
+        fit.outside if found.has_outside else None,
+    )
+
+
+def _emission(found: Inference, grid: VoxelGrid) -> NDArray[np.float32]:
+    """Return the found emission in the voxels of a grid of the same box."""
+    from scipy.ndimage import zoom
+
+    coarse = found.state.fit.means
+    ratio = np.divide(grid.shape, coarse.shape)
+    return zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True)
+
+
+def _gains(found: Inference, corrections: Corrections, observation: Observation) -> Gains | None:
+    """Return the gains and backgrounds that images were corrected by."""
+    free = found.state.free
+    if "gain" not in free or not (free["gain"].any() or free["background"].any()):
+        return None
+    gain, level = (corrections.values[n][:, 0] for n in ("gain", "background"))
+    errors = [
+        np.broadcast_to(found.spread.get(n, math.inf), gain.shape).astype(np.float64)
+        for n in ("gain", "background")
+    ]
+    return Gains(
+        np.exp(gain),
+        np.array(level),
+        np.exp(gain) * errors[0],
+        errors[1],
+        observation.brightest,
+        None if observation.sets_scale is None else np.array(observation.sets_scale),
+    )
+
+
+def _findings(
+    found: Inference, corrections: Corrections, observation: Observation
+) -> list[Finding]:
+    """Return what is said of each effect that was let loose, the gravest first."""
+    said, names, state = [], corrections.names, found.state
+    for effect in found.effects:
+        values = corrections.values[effect.name]
+        score = found.scores.get(effect.name, np.zeros(len(names)))
+        if effect.shared and values.any():
+            size, most = float(values[0, 0]), float(score.max())
+            if effect.of_gas:
+                said.append(Finding("absorption", size=size, score=most))
+            else:
+                said.append(Finding(effect.name, size=size, unit="%", score=most))
+        elif not effect.shared:
+            free = state.free[effect.name].any(axis=1)
+            for view in np.flatnonzero(free & values.any(axis=1)):
+                camera = observation.rig[names[view]]
+                what, size, unit = _size(effect.name, values[view], camera, observation)
+                said.append(Finding(what, camera.name, size, unit=unit, score=float(score[view])))
+    for view in np.flatnonzero(state.hidden):
+        fraction = float(corrections.untrusted[names[view]].mean())
+        most = float(found.scores["hidden"][view])
+        said.append(Finding("hidden", names[view], fraction, unit="%", score=most))
+    if found.has_outside:
+        most = float(found.scores["outside"].max())
+        said.append(Finding("outside", size=state.fit.light_outside, unit="%", score=most))
+    return sorted(said, key=lambda one: -one.score)
+
+
+def _size(
+    effect: str, values: NDArray[np.float64], camera: CameraLike, observation: Observation
+) -> tuple[str, float, str]:
+    """Return what an effect of one camera is called, its size and unit."""
+    if effect == "gain":
+        return effect, float(np.expm1(values[0])), "%"
+    if effect == "background":
+        return effect, float(values[0]) / observation.brightest, "%"
+    zoom = abs(values[3])
+    if zoom > np.abs(np.delete(values, 3)).max():
+        radius = min(camera.image_size) / 2
+        return "magnification", float(np.expm1(values[3] / radius)), "%"
+    return effect, float(np.linalg.norm(values)), "px"
