@@ -34,6 +34,10 @@ DARKEST = 1e-3
 TRUSTED = 3.0
 """Smoothed residuals, in their own scale, from which a pixel has half its weight."""
 
+COARSE = 0.1
+"""Standard deviation of what voxels cannot show of a thin bright flame, as a fraction of a pixel's
+light. Lower, its core loses its weight, and with it its voxels; higher, haze keeps its own."""
+
 SMOOTH = 1.0
 """Standard deviation in pixels of the blur of those residuals: light that no volume explains is
 wider than noise."""
@@ -310,7 +314,8 @@ def variance_of(
 def with_trust(found: Fit) -> Fit:
     """Return the fit with less weight for pixels whose smoothed residual stands out."""
     smooth = smoothed(found)
-    scale = scale_of(found, smooth)
+    light = np.maximum(found.measured - found.residual, 0)
+    scale = np.hypot(scale_of(found, smooth), COARSE * light)
     trust = 1 / (1 + (smooth / (TRUSTED * scale)) ** 4)
     return replace(found, trust=np.where(found.usable, trust, 0))
 
