@@ -168,7 +168,8 @@ def _inferred(
         scan.rig, tuple(screened.images), tuple(screened.masks), screened.noise, grid, known,
         scan.sets_scale,
     )  # fmt: skip
-    coarse = observation.coarser(factor)
+    levels = _own_levels(screened, effects)
+    coarse = Background().applied(observation.coarser(factor), levels[:, None])
     if not coarse.brightest > 0:
         return screened
     found = infer(
@@ -178,7 +179,7 @@ def _inferred(
         asked=_asked(options, effects),
         look_outside=options.screen,
     )
-    corrections = _corrections(found, observation, factor)
+    corrections = _corrections(found, observation, factor, levels)
     seen = corrections.applied(observation)
     return replace(
         screened,
@@ -191,6 +192,14 @@ def _inferred(
         gains=_gains(found, corrections, observation),
         emission=_emission(found, grid) if corrections.absorption.emission else None,
     )
+
+
+def _own_levels(screened: ScreenedScan, effects: Sequence[Effect]) -> NDArray[np.float64]:
+    """Return the levels that single images show, where backgrounds are let loose, ``(views,)``."""
+    names, pixels = screened.scan.rig.names, screened.pixels
+    if pixels is None or not any(effect.name == Background.name for effect in effects):
+        return np.zeros(len(names))
+    return np.array([pixels.background.get(name, 0.0) for name in names])
 
 
 def _asked(options: Options, effects: Sequence[Effect]) -> list[str]:
@@ -209,9 +218,13 @@ def _not_dark(coarse: Observation, options: Options) -> ActiveVoxels | None:
     ).active
 
 
-def _corrections(found: Inference, observation: Observation, factor: int) -> Corrections:
-    """Return what was found on the coarse copy for images as they are."""
+def _corrections(
+    found: Inference, observation: Observation, factor: int, levels: NDArray[np.float64]
+) -> Corrections:
+    """Return what was found on the coarse copy, less ``levels``, for images as they are."""
     values = {name: np.array(one) for name, one in found.state.values.items()}
+    if levels.any():
+        values["background"][:, 0] += levels / np.exp(values["gain"][:, 0])
     if "pose" in values:
         values["pose"] *= factor
     fit, untrusted = found.state.fit, {}
@@ -248,18 +261,20 @@ def _emission(found: Inference, grid: VoxelGrid) -> NDArray[np.float32]:
 def _gains(found: Inference, corrections: Corrections, observation: Observation) -> Gains | None:
     """Return the gains and backgrounds that images were corrected by."""
     free = found.state.free
-    if "gain" not in free or not (free["gain"].any() or free["background"].any()):
+    if "gain" not in free:
         return None
     gain, level = (corrections.values[n][:, 0] for n in ("gain", "background"))
+    if not (free["gain"].any() or free["background"].any() or level.any()):
+        return None
     errors = [
         np.broadcast_to(found.spread.get(n, math.inf), gain.shape).astype(np.float64)
         for n in ("gain", "background")
     ]
     return Gains(
         np.exp(gain),
-        np.array(level),
+        np.exp(gain) * level,
         np.exp(gain) * errors[0],
-        errors[1],
+        np.exp(gain) * errors[1],
         observation.brightest,
         None if observation.sets_scale is None else np.array(observation.sets_scale),
     )
@@ -280,7 +295,7 @@ def _findings(
             else:
                 said.append(Finding(effect.name, size=size, unit="%", score=most))
         elif not effect.shared:
-            free = state.free[effect.name].any(axis=1)
+            free = state.free[effect.name].any(axis=1) | (effect.name == Background.name)
             for view in np.flatnonzero(free & values.any(axis=1)):
                 camera = observation.rig[names[view]]
                 what, size, unit = _size(effect.name, values[view], camera, observation)
