@@ -1,18 +1,16 @@
 """A uniform background is reported with its level; emission and noise are not."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import phantoms
 import rigs
-from tomo import VoxelGrid, load_scan
+from tomo import Scan, VoxelGrid, load_scan
 from tomo.measurement import background, estimate_noise
+from tomo.measurement.pixel_check import check_pixels
 from tomo.pipeline import Options, reconstruct
-from tomo.pipeline.register import shift_warnings
-from tomo.screening import screen_images
 from tomo.simulation import camera_noise, simulate_images
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
@@ -76,20 +74,17 @@ def test_dark_and_small_images_say_nothing():
     assert levels([np.zeros((40, 40), np.float32), np.ones((3, 40), np.float32)]) == [0, 0]
 
 
-def test_a_background_is_reported_in_place_of_light_outside_the_grid():
+def test_a_background_is_reported_with_its_level():
     made = _made("jet")
     top = max(image.max() for image in made.images.values())
     images = [image + np.float32(0.1 * top) for image in made.images.values()]
     images[2] = images[2] + np.float32(0.1 * top)
-    masks = [np.ones(image.shape, bool) for image in images]
-    found = screen_images(made.rig, images, masks, GRID)
-    own, others = found.warnings
-    assert own.startswith("camera cam02: its image differs")
-    assert "likeliest background" in own
-    assert "dark: " not in own + others  # one level is proposed for all, by the pipeline
-    assert found.above_dark["cam02"] == pytest.approx(0.2 * top, rel=0.02)
-    assert others.startswith("4 of 5 cameras' images have a uniform background")
-    assert found.report()["background"]["cam02"] == pytest.approx(0.2 * top, rel=0.02)
+    found = check_pixels(made.rig.names, images, [np.ones(i.shape, bool) for i in images])
+    (line,) = found.warnings
+    assert line.startswith("5 of 5 cameras' images have a uniform background, camera cam02 the")
+    assert line.endswith("see the line on the dark level")
+    expected = dict.fromkeys(made.rig.names, 0.1 * top) | {"cam02": 0.2 * top}
+    assert found.report()["background"] == pytest.approx(expected, rel=0.02)
 
 
 @pytest.mark.parametrize("grid", [GRID, VoxelGrid((80, 100, 80), 1.0)])
@@ -108,27 +103,15 @@ def test_what_to_do_about_it_stands_first(tmp_path, grid):
         assert "see to the light that no volume explains first, and if this stays, cal" in line
 
 
-def test_cameras_that_seem_shifted_come_second_to_light_that_nothing_explains():
-    rig = rigs.ring(2, distance=200.0, image_size=(60, 100), footprint=0.5)
-    found = SimpleNamespace(accepted=True, shifts=[[0, 0], [3, 0]], reason="seen")
-    lines = {unmodelled: shift_warnings(found, rig, unmodelled)[0] for unmodelled in (True, False)}
-    assert lines[False].endswith("(seen): calibrate again")
-    assert lines[True].endswith("explains first, and if this stays, calibrate again")
-
-
-@pytest.mark.parametrize("phantom", ["jet", "turbulent"])
-def test_views_are_judged_without_it(phantom):
-    """With it honest views of a third of the brightest light seemed to be other cameras'."""
-    grid = VoxelGrid((15, 70, 15), 1.0)
-    rig = rigs.ring(12, distance=800.0, image_size=(60, 160), footprint=0.55)
-    made = simulate_images(rig, phantoms.create(phantom, 7, grid.extent), grid, supersample=2)
-    images = list(made.images.values())
-    masks = [np.ones(image.shape, bool) for image in images]
-    top = max(image.max() for image in images)
-    turned = [*images[:3], images[3][::-1], *images[4:]]
-    for shown, wrong in ((images, ()), (turned, ("cam03",))):
-        for share in (0.0, 0.1, 0.3, 1.0):
-            lit = [image + np.float32(share * top) for image in shown]
-            found = screen_images(rig, lit, masks, grid)
-            assert found.excluded == wrong
-            assert tuple(camera.name for camera in found.cameras) == wrong
+def test_cameras_are_judged_without_it(made):
+    """With it right images seemed to be of cameras that look elsewhere."""
+    top = max(image.max() for image in made.images.values())
+    found = []
+    for share in (0.0, 0.3):
+        lit = {name: image + np.float32(share * top) for name, image in made.images.items()}
+        scan = Scan.from_arrays(made.rig, lit, GRID)
+        options = Options(method="mlem", iterations=1, uncertainty=0)
+        findings = reconstruct(scan, options=options).findings
+        found.append({(one.effect, one.camera) for one in findings})
+    assert found[1] - found[0] == {("background", name) for name in made.rig.names}
+    assert not found[0] - found[1]

@@ -7,7 +7,7 @@ import phantoms
 import rigs
 from tomo import VoxelGrid
 from tomo.measurement import below_zero, estimate_noise
-from tomo.screening import screen_images
+from tomo.measurement.pixel_check import check_pixels
 from tomo.simulation import camera_noise, simulate_images
 
 ROWS, COLUMNS = np.mgrid[0:60, 0:50]
@@ -53,12 +53,12 @@ def test_the_camera_that_is_worst_is_named():
         simulate_images(rig, phantoms.create("jet", 1, grid.extent), grid).images.values()
     )
     masks = [np.ones(image.shape, bool) for image in images]
-    found = screen_images(rig, images, masks, grid)
+    found = check_pixels(rig.names, images, masks)
     assert found.below_zero == {}
     assert found.warnings == []
     brightest = max(float(image.max()) for image in images)
     images[1], images[3] = images[1] - 0.02 * brightest, images[3] - 0.05 * brightest
-    found = screen_images(rig, images, masks, grid)
+    found = check_pixels(rig.names, images, masks)
     assert found.report()["below_zero"] == pytest.approx(
         {"cam01": 0.02 * brightest, "cam03": 0.05 * brightest}, rel=0.02
     )

@@ -5,17 +5,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from rigs import Rig
+from tomo.inference.finding import Finding
 from tomo.pipeline.answer import (
     EXPLAINED,
     NOT_EXPLAINED,
     PARTLY,
+    UNKNOWN,
     UNKNOWN_VERDICT,
     answer_of,
     verdict_of,
     worst_view,
 )
-from tomo.pipeline.causes import UNKNOWN
 from tomo.pipeline.view import View
 
 SIZE = 64
@@ -32,11 +32,8 @@ def noise(sigma, seed=0):
     return (sigma * draws).astype(np.float32)
 
 
-def outcome(*views, **parts):
-    known = {"screening": None, "alignment": None, "gains": None, "carving": {}}
-    known["explanation"] = None
-    known |= {"rig": Rig(()), "solution": SimpleNamespace(grid=None)}
-    return SimpleNamespace(views=views, **{**known, **parts})
+def outcome(*views, findings=()):
+    return SimpleNamespace(views=views, findings=findings)
 
 
 @pytest.mark.parametrize("sigma", [0.002, 0.02, 0.1])
@@ -120,35 +117,24 @@ def test_dark_images_have_no_answer():
 
 
 @pytest.mark.parametrize(
-    ("parts", "words"),
+    ("finding", "words"),
     [
-        ({"screening": {"background": {"cam01": 0.02}}}, "background (camera cam01: 0.02)"),
-        ({"screening": {"light_outside_grid": {"cam01": 0.3}}}, "30% of camera cam01"),
-        ({"screening": {"below_zero": {"cam01": 0.02}}}, "too much subtracted as dark"),
-        (
-            {"alignment": {"displacement": {"disagrees": True, "pixels": {"a": 0.2, "b": 1.28}}}},
-            "camera b's image lies 1.3 pixels off",
-        ),
-        ({"gains": {"disagreement": 0.08}}, "gains by 8.0%"),
-        ({"explanation": {"absorption": {"optical_depth": 0.5}}}, "optical depth 0.50"),
-        (
-            {
-                "screening": {
-                    "cameras": {"b": {"causes": [{"words": "blur"}, {"words": "gain 2"}]}}
-                }
-            },
-            "camera b (blur or gain 2)",
-        ),
+        (Finding("outside", size=0.3, unit="%"), "30.0 % of the light comes from outside"),
+        (Finding("pose", "cam01", 1.28, unit="px"), "camera cam01: its pose is off"),
+        (Finding("absorption", size=0.5), "optical depth 0.5"),
+        (Finding("order", "cam00", other="cam01"), "that of camera cam01: left out"),
+        (Finding("background", "cam01", 0.02, unit="%", corrected=False), "not corrected"),
     ],
 )
-def test_the_causes_are_the_stages_findings(parts, words):
+def test_the_causes_are_what_was_found(finding, words):
     view = View("cam00", flame(), flame(column=38))
-    assert words in answer_of(outcome(view, **parts)).sentence
-    assert UNKNOWN not in answer_of(outcome(view, **parts)).sentence
+    sentence = answer_of(outcome(view, findings=(finding,))).sentence
+    assert words in sentence
+    assert UNKNOWN not in sentence
 
 
 def test_an_explained_volume_needs_no_causes():
     view = View("cam00", flame() + noise(0.01), flame())
-    found = answer_of(outcome(view, gains={"disagreement": 0.08}))
+    found = answer_of(outcome(view, findings=(Finding("gain", "cam00", 0.08, unit="%"),)))
     assert found.causes == ()
-    assert "gains" not in found.sentence
+    assert "gain" not in found.sentence

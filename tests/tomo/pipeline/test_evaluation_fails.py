@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from tomo import load_scan, wernet
-from tomo.pipeline import Options, assess, evaluate, reconstruct
+from tomo.pipeline import Options, assess, evaluate, infer, reconstruct
 from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
-from tomo.selfcal import left_out_views
 
 pytestmark = pytest.mark.usefixtures("quick_choices", "coarse_scenes")
 
@@ -47,7 +46,7 @@ def broken(monkeypatch):
 @pytest.mark.parametrize(
     ("where", "name", "error", "said"),
     [
-        (left_out_views.Evaluated, "displacement", MemoryError(), "cameras: whether images agree"),
+        (infer, "infer", MemoryError(), "effects of cameras and gas: not looked for"),
         (assess, "assess_volume", OfALibraryError("two\nlines"), "uncertainty: not found"),
         (evaluate, "views_of", ValueError("wrong"), "re-projected images: not found: wrong"),
     ],

@@ -13,7 +13,7 @@ from tomo import LinearSystem, VoxelGrid, load_scan
 from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import write_outcome
-from tomo.selfcal.gains import Gains
+from tomo.operators.view_gains import Gains
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.simulation.true_weights import true_effects, true_ratios
