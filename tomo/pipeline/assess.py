@@ -7,12 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
 from tomo.pipeline.check_options import repeats_of
+from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import Options
-from tomo.pipeline.solve import Solved, repeatable
+from tomo.pipeline.solve import Solved, choice_of, repeatable, voxel_means_of
 from tomo.pipeline.stage import Record, as_warning, timed
-from tomo.uncertainty import Assessment
+from tomo.selection import solve_as_chosen
+from tomo.uncertainty import Assessment, Solve, SolveOf
 from tomo.uncertainty import assess as assess_volume
 
 
@@ -39,18 +42,19 @@ def assess(
     options: Options,
     progress: Progress | None = None,
 ) -> Assessed:
-    """Repeat the solve with new noise, and without groups of views."""
+    """Solve a known answer like the volume with new noise, and see how far off that is."""
     uncertainty = None
     system, unseen = solved.system, solved.built.system.unseen
     with timed() as stage:
         with as_warning("uncertainty: not found", stage.warnings):
-            again = repeatable(solved, options)
+            chosen = method_named(options.method).name == AUTO
             uncertainty = assess_volume(
                 system.on_voxel_means,
                 solved.built.measured,
                 solved.solution.volume,
-                again,
-                by_views=again,
+                repeatable(solved, options),
+                solve_of=solver_of(solved) if chosen else None,
+                cuttable=system.projector,
                 repeats=repeats_of(options),
                 seed=options.seed,
                 progress=progress,
@@ -58,6 +62,24 @@ def assess(
             stage.warnings += [f"not to be trusted: {doubt}" for doubt in uncertainty.warnings]
         stage.warnings += _unseen_warning(unseen, options.unseen)
     return Assessed(uncertainty, unseen, stage.record)
+
+
+def solver_of(solved: Solved) -> SolveOf:
+    """Return the default's solve, as it was chosen, of everything or of a part."""
+    choice, whole, weights = choice_of(solved), solved.system.projector, solved.built.weights
+
+    def solve_of(part: ProjectionOperator | None, rows: NDArray[np.int64] | None) -> Solve:
+        projector = whole if part is None else part
+        own = weights if weights is None or rows is None else weights[rows]
+
+        def solve(measured: NDArray[np.float32]) -> NDArray[np.float32]:
+            found = solve_as_chosen(projector, measured, choice, weights=own)
+            means = voxel_means_of(projector, projector.active.compress(found.volume))
+            return projector.on_voxel_means.active.compress(means)
+
+        return solve
+
+    return solve_of
 
 
 def _unseen_warning(unseen: NDArray[np.bool_], value: str) -> list[str]:

@@ -9,8 +9,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "assessment": ["AUTO_REPEATS", "Assessment", "assess"],
         "bootstrap": ["Deviations", "standard_deviations"],
         "intervals": ["Intervals", "intervals"],
-        "jackknife": ["Jackknife", "Resolve", "jackknife"],
-        "residual_noise": ["Solve", "noise_of_images"],
+        "part": ["SolveOf"],
+        "residual_noise": ["Resolve", "Solve", "noise_of_images"],
         "resolution": ["Resolution", "half_widths", "resolution"],
     },
 )

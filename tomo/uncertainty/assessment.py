@@ -12,24 +12,27 @@ from numpy.typing import NDArray
 from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels
 from tomo.operators import LinearSystem
+from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
-from tomo.uncertainty.angular_coverage import AngularCoverage, view_coverage
-from tomo.uncertainty.bootstrap import Deviations, standard_deviations
-from tomo.uncertainty.intervals import Intervals, intervals
-from tomo.uncertainty.jackknife import Resolve
-from tomo.uncertainty.residual_noise import Solve, noise_of_images
+from tomo.uncertainty.angular_coverage import EMITTING, AngularCoverage, view_coverage
+from tomo.uncertainty.bootstrap import KEPT, Deviations, standard_deviations
+from tomo.uncertainty.intervals import Intervals, deviations_of_pair, intervals
+from tomo.uncertainty.moved import solve_moved
+from tomo.uncertainty.part import SolveOf, slab, whole
+from tomo.uncertainty.residual_noise import Solve, fine_structure, noise_of_images, smoothed
 from tomo.uncertainty.resolution import Resolution, resolution
 from tomo.uncertainty.warnings import trust_warnings
 
-AUTO_REPEATS = 3
-"""Repeats that suffice for averages over the emitting voxels, not for a map of single voxels."""
+AUTO_REPEATS = 2
+"""Repeats of a known answer, with noise of either sign: no map of single voxels."""
 
 MAPPED = 10
 """Repeats from which on single voxels' standard deviations, then known to a quarter, are shown."""
 
 _DEVIATION_WORDS = (
     "the chosen solve is repeated on re-projected images with new noise of the level found in "
-    "the residual (half of 20 or more repeats calibrate the others); errors by smoothing, missing "
+    "the residual (two repeats are of the volume, turned; half of 20 or more calibrate the "
+    "others); errors by smoothing, missing "
     "views and wrong cameras are not included, nor noise that neighbouring pixels share, as in "
     "resampled images"
 )
@@ -57,7 +60,7 @@ class Assessment:
     resolution : Resolution, optional
         None if it was not measured, or nothing emits.
     intervals : Intervals, optional
-        None where cameras were not left out.
+        None where too few voxels emit.
     """
 
     active: ActiveVoxels
@@ -166,7 +169,8 @@ def assess(
     volume: NDArray[np.float32],
     solve: Solve | None = None,
     *,
-    by_views: Resolve | None = None,
+    solve_of: SolveOf | None = None,
+    cuttable: ProjectionOperator | None = None,
     repeats: int = AUTO_REPEATS,
     seed: int = 0,
     progress: Progress | None = None,
@@ -176,17 +180,19 @@ def assess(
     Parameters
     ----------
     system : LinearSystem
-        The system that was solved.
+        The system that was solved, on voxel means.
     measured : (pixels,) float32
         The images, gains corrected.
     volume : (nx, ny, nz) float32
     solve : callable, optional
         The solve, to repeat. Without it there is no standard deviation and no resolution.
-    by_views : callable, optional
-        The same solve that also takes some of the views: then there are intervals.
+    solve_of : callable, optional
+        The same solve from a start of its own, also of a part of the volume; ``solve`` when None.
+    cuttable : ProjectionOperator, optional
+        The projection that parts are cut from: then `AUTO_REPEATS` repeats are those of a slab.
     repeats : int
-        Repeats with new noise; two more solves measure how much noise it fits, and the
-        resolution. 0 for none of these.
+        Repeats with new noise; one more solve measures the resolution. More than `AUTO_REPEATS`
+        are solves of the whole volume beside these. 0 for none.
     seed : int
         Seed of the noise.
     progress : callable, optional
@@ -196,7 +202,7 @@ def assess(
     ValueError
         If the number of repeats is negative or 1.
     """
-    if not (repeats == 0 or repeats >= 2) or repeats % 1:
+    if not (repeats == 0 or repeats >= AUTO_REPEATS) or repeats % 1:
         raise ValueError(f"uncertainty: found {repeats} repeats, expected 0, or 2 or more")
     active = system.projector.active
     unknowns = active.compress(volume)
@@ -204,16 +210,53 @@ def assess(
     found = view_coverage(system, unknowns)
     size = norm(measured)
     residual = norm(measured - seen) / size if size > 0 else math.nan
-    deviations = width = known = None
-    if solve is not None and repeats and size > 0:
+    noise = fine_structure(system, measured, seen, seen)
+    if solve is None or not repeats or not size > 0 or not found.emitting.any():
+        noise = noise_of_images(system, measured, seen)
+        share = norm(noise) / size if size > 0 else math.nan
+        return Assessment(active, unknowns, found, residual, share)
+    if cuttable is not None and solve_of is not None and repeats == AUTO_REPEATS:
+        part = slab(system, volume, solve_of, cuttable)
+    else:
+        part = whole(system, solve if solve_of is None else solve_of(None, None))
+    if progress:
+        progress(0, repeats + 1, "errors of a known answer")
+    explained = (norm(noise) / (residual * size)) ** 2 if residual > 0 else 1.0
+    unexplained = residual * math.sqrt(max(1 - explained, 0.0))
+    kept = part.pixels(smoothed(system, measured - seen, KEPT))
+    moved = solve_moved(part, volume, kept, part.pixels(noise), seed)
+    emission = float(np.sqrt(np.mean(np.square(unknowns[found.emitting], dtype=np.float64))))
+    first = moved.found[0]
+    where = part.inside & (first > EMITTING * first.max())
+    bright = part.inside & (first > EMITTING * first.max())
+    own = part.system.projector.active
+    width = resolution(
+        part.system,
+        moved.images,
+        own.compress(first),
+        own.compress(bright),
+        part.solve,
+        found.pixel,
+    )
+    noise = noise_of_images(system, measured, seen, moved.remains)
+    if repeats > AUTO_REPEATS:
         deviations = standard_deviations(
-            system, measured, seen, solve, repeats=repeats, seed=seed, progress=progress
+            system, measured, seen, noise, solve, repeats=repeats, seed=seed, progress=progress
         )
-        width = resolution(system, measured, unknowns, found.emitting, solve, found.pixel)
-        if by_views is not None:
-            known = intervals(
-                system, measured, unknowns, found.emitting, deviations, by_views, progress
-            )
-    sigma = noise_of_images(system, measured, seen) if deviations is None else deviations.noise
-    noise = norm(sigma) / size if size > 0 else math.nan
-    return Assessment(active, unknowns, found, residual, noise, deviations, width, known)
+    else:
+        spread = deviations_of_pair(moved, volume, where, emission) / max(moved.remains, 0.5)
+        values = active.compress(spread).astype(np.float32)
+        deviations = Deviations(values, repeats, noise)
+    known = intervals(
+        system,
+        measured,
+        seen,
+        volume,
+        deviations.values,
+        moved,
+        where,
+        emission,
+        unexplained,
+    )
+    share = norm(noise) / size
+    return Assessment(active, unknowns, found, residual, share, deviations, width, known)

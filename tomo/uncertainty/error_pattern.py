@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,8 +47,8 @@ class ErrorPattern:
 
 
 def learned(
-    volumes: list[Volume],
-    errors: list[Volume],
+    volumes: Sequence[Volume],
+    errors: Sequence[Volume],
     where: NDArray[np.bool_],
     size: float,
     level: float | None,
@@ -56,7 +57,7 @@ def learned(
 
     Parameters
     ----------
-    volumes, errors : list of (nx, ny, nz)
+    volumes, errors : sequence of (nx, ny, nz)
     where : (nx, ny, nz) bool
         The voxels to learn from.
     size : float

@@ -1,9 +1,9 @@
-"""90 % intervals of voxels, total, plane sums and edges: noise and structure, together."""
+"""90 % intervals of voxels, total, plane sums and edges, by the errors of a known answer."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,48 +11,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.reductions import norm
-from tomo.grid import ActiveVoxels
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
-from tomo.operators.system import Progress
 from tomo.uncertainty import summaries
-from tomo.uncertainty.bootstrap import Deviations, bootstrap_images
-from tomo.uncertainty.jackknife import Jackknife, Resolve, jackknife
+from tomo.uncertainty.error_pattern import learned
+from tomo.uncertainty.moved import Moved
 
 LEVEL = 0.9
 NORMAL = 1.645
 """Half-width of the normal distribution's interval of `LEVEL`, in standard deviations."""
 
-NEIGHBOURS = 1.0
-"""Standard deviation, in voxels, of the blur over squared changes: those of single voxels cross
-zero where errors do not. Less leaves such zeros, more smears the errors of edges over flat gas."""
+DETAIL = 1.6
+"""Errors by structure of the emission over those of the known answer: the latter is a
+reconstruction, and smoother than what it is of. Less leaves true values outside, more widens."""
 
-WEIGHTS = {"without cameras": 0.5, "second pass": 0.25, "unexplained": 0.25}
-"""Exponents of the three measures of structure, whose sum is 1; see `structure_measures`."""
+UNEXPLAINED = 0.4
+"""Growth of the errors with the part of the images that nothing explains, over what the known
+answer is off. Less misses cameras that lie, more widens where voxels are coarse."""
 
-SCALE = 2.8
-"""Half-width of the voxels' interval over the weighted geometric mean of the measures."""
-
-SMALLEST = 1e-4
-"""Fraction of the emission's root mean square to which measures are raised before logarithms."""
-
-FITTED = 0.8
-"""Fraction of the noise's square that the residual still has. With less, noise is unexplained."""
-
-EXPLAINED = 0.003
-"""Relative residual below which images are explained: voxels themselves leave as much."""
-
-FACTOR = 2.0
-"""Half-width over the root of the summed squares, for totals, plane sums and edges."""
-
-LIGHT = 0.15
-"""Fraction of the unexplained part of the images that may be light that total and plane sums lack,
-or have too much. Less misses light from outside the grid, more widens all others."""
-
-PLANES = 1.5
-"""Standard deviation, in planes, of the blur over the squared half-widths of plane sums."""
+LIGHT = 0.2
+"""Fraction of the unexplained part of the images that may be light that the volume lacks, or has
+too much. Less misses light from outside the grid, more widens all others."""
 
 PLACED = 0.1
 """Half-width, in voxels, that no edge goes below: that of a place within a voxel."""
+
+FEWEST = 20
+"""Voxels with errors that sizes can be learned from."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,8 +54,6 @@ class Intervals:
         ``total`` (), ``plane_sums_x`` (nx,), ``..._y``, ``..._z`` and ``edges`` (3, 2).
     half_widths, noise_of_values : mapping of str to array
         The same for ``values``, together and by noise.
-    groups : int
-        Groups of cameras that were left out in turn.
     """
 
     active: ActiveVoxels
@@ -80,7 +63,6 @@ class Intervals:
     values: Mapping[str, NDArray[np.float64]]
     half_widths: Mapping[str, NDArray[np.float64]]
     noise_of_values: Mapping[str, NDArray[np.float64]]
-    groups: int
 
     @property
     def half_width(self) -> NDArray[np.float32]:
@@ -97,7 +79,7 @@ class Intervals:
         spread = self.together[emitting]
         found: dict[str, Any] = {
             "level": LEVEL,
-            "camera_groups": self.groups,
+            "camera_groups": 0,  # none is left out
             "voxels": {
                 "median_half_width": float(np.median(spread)) if len(spread) else math.nan,
                 "relative": relative(self.together),
@@ -114,150 +96,133 @@ class Intervals:
         return found
 
 
+def deviations_of_pair(
+    moved: Moved, volume: NDArray[np.float32], where: NDArray[np.bool_], size: float
+) -> NDArray[np.float64]:
+    """Return the voxels' standard deviations by noise, ``(nx, ny, nz)``, from one known answer.
+
+    Parameters
+    ----------
+    moved : Moved
+    volume : (nx, ny, nz) float32
+    where : (nx, ny, nz) bool
+        The voxels to learn from.
+    size : float
+        Root mean square of the emission.
+    """
+    if np.count_nonzero(where) < FEWEST:
+        return np.zeros(volume.shape)
+    return learned(list(moved.found), [moved.noise] * 2, where, size, None).of(volume)
+
+
 def intervals(
     system: LinearSystem,
     measured: NDArray[np.float32],
+    seen: NDArray[np.float32],
     volume: NDArray[np.float32],
-    emitting: NDArray[np.bool_],
-    deviations: Deviations,
-    solve: Resolve,
-    progress: Progress | None = None,
+    deviations: NDArray[np.float32],
+    moved: Moved,
+    where: NDArray[np.bool_],
+    size: float,
+    unexplained: float,
 ) -> Intervals | None:
-    """Return the intervals of a volume; None where no camera can be left out, or nothing emits.
+    """Return the intervals of a volume; None where too few voxels emit.
 
     Parameters
     ----------
     system : LinearSystem
-    measured : (pixels,) float32
-    volume : (unknowns,) float32
-    emitting : (unknowns,) bool
-    deviations : Deviations
+        On voxel means.
+    measured, seen : (pixels,) float32
+        The images, and the volume re-projected.
+    volume : (nx, ny, nz) float32
+    deviations : (unknowns,) float32
         By noise.
-    solve : callable
-        The reconstruction, from all views or some.
-    progress : callable, optional
+    moved : Moved
+    where : (nx, ny, nz) bool
+        The voxels whose errors in ``moved`` count.
+    size : float
+        Root mean square of the emission.
+    unexplained : float
+        Fraction of the images that neither volume nor noise explains.
 
     Notes
     -----
-    A voxel's half-width is `SCALE` times the weighted geometric mean of three measures, with the
-    exponents `WEIGHTS`, and at least the interval by noise; see `structure_measures`. Exponents
-    and scale are settled on known scenes, so that 90 % of the emitting voxels' true values are
-    inside. The measures' scale is the scene's own: twice the light, twice the intervals.
+    The errors of the known answer are `DETAIL` times those that both of its reconstructions have,
+    plus and minus those of the noise. What they follow (`tomo.uncertainty.error_pattern`), so that
+    90 % of them are below, is applied to the volume. It grows by `UNEXPLAINED` times the
+    unexplained fraction of the emission over their root mean square, and is at least the interval
+    by noise.
 
-    A quantity of the whole volume has `FACTOR` times the root of the summed squares of: deviation
-    by noise, jackknife deviation, change by a second pass, and for total and plane sums the
-    relative difference between the images' light and that of their re-projections, and `LIGHT`
-    times their unexplained part.
+    Plane sums have the same errors as those of the known answer, relative to their root mean
+    square, and in squares a common factor: the relative difference between the images' light and
+    that of their re-projections, and `LIGHT` times the unexplained part. An edge moves as the sums
+    beside it change, over their slope.
     """
-    if not emitting.any():
+    if np.count_nonzero(where) < FEWEST:
         return None
-    left_out = jackknife(system, measured, solve, progress)
-    if left_out is None:
-        return None
-    seen = (system.projector @ volume).astype(np.float32)
-    again = solve(bootstrap_images(system, measured, seen))
-    apart = _unexplained(measured, seen, deviations.noise)
-    measures = structure_measures(system, volume, emitting, left_out, again, apart)
-    by_noise = NORMAL * deviations.values.astype(np.float64)
-    logs = sum(weight * np.log(measures[name]) for name, weight in WEIGHTS.items())
-    together = np.maximum(SCALE * np.exp(logs), by_noise)
-    structure = np.sqrt(together**2 - by_noise**2)
-    light = math.hypot(_light_mismatch(system, measured, seen), LIGHT * apart)
-    of_values = _of_summaries(system, volume, left_out, again, deviations, light)
+    active = system.projector.active
+    errors = [DETAIL * moved.structure + sign * moved.noise for sign in (1, -1)]
+    off = float(np.sqrt(np.mean([np.mean(error[where] ** 2) for error in errors])))
+    grown = 1 + UNEXPLAINED * unexplained * size / max(off, np.finfo(float).tiny)
+    pattern = grown * learned(list(moved.found), errors, where, size, LEVEL).of(volume)
+    by_noise = NORMAL * deviations.astype(np.float64)
+    together = np.maximum(active.compress(pattern), by_noise)
+    light = math.hypot(_light_mismatch(system, measured, seen), LIGHT * unexplained)
+    truth = np.where(where, moved.truth, 0.0)
+    own = [np.where(where, error, 0.0) for error in errors]
+    noise = (np.where(where, moved.noise, 0.0),)
+    values = summaries.split(summaries.all_of(volume, active.grid), active.grid)
     return Intervals(
-        system.projector.active,
+        active,
         by_noise.astype(np.float32),
-        structure.astype(np.float32),
+        np.sqrt(together**2 - by_noise**2).astype(np.float32),
         together.astype(np.float32),
-        *of_values,
-        len(left_out.groups),
+        values,
+        _half_widths(values, active.grid, truth, own, light),
+        _half_widths(values, active.grid, truth, noise, 0.0, placed=0.0),
     )
 
 
-def structure_measures(
-    system: LinearSystem,
-    volume: NDArray[np.float32],
-    emitting: NDArray[np.bool_],
-    left_out: Jackknife,
-    again: NDArray[np.float32],
-    unexplained: float,
-) -> dict[str, NDArray[np.float64]]:
-    """Return three measures of what is wrong with a voxel, in the volume's unit, (unknowns,) each.
-
-    ``without cameras``
-        The jackknife's deviation: missing views, and cameras that disagree.
-    ``second pass``
-        The change when the re-projected images are solved in turn: smoothing and bounds.
-    ``unexplained``
-        The unexplained fraction of the images, of the root mean square of the emission.
-
-    The first two are root mean squares over neighbours.
-    """
-    active = system.projector.active
-    size = float(np.sqrt(np.mean(np.square(volume[emitting], dtype=np.float64))))
-    found = {
-        "without cameras": left_out.deviation(volume, left_out.volumes),
-        "second pass": np.subtract(again, volume, dtype=np.float64),
-    }
-    found = {name: _over_neighbours(values, active) for name, values in found.items()}
-    found["unexplained"] = np.full(len(volume), unexplained * size)
-    return {name: np.maximum(values, SMALLEST * size) for name, values in found.items()}
-
-
-def _over_neighbours(values: NDArray[np.float64], active: ActiveVoxels) -> NDArray[np.float64]:
-    """Return the root mean square over a voxel's neighbours; what is not active is zero."""
-    from scipy.ndimage import gaussian_filter
-
-    squares = active.expand(np.square(values)).reshape(active.grid.shape)
-    return np.sqrt(active.compress(gaussian_filter(squares, NEIGHBOURS, mode="constant")))
-
-
-def _unexplained(
-    measured: NDArray[np.float32], seen: NDArray[np.float32], noise: NDArray[np.float64]
-) -> float:
-    """Return the fraction of the images, a root mean square, that is not explained by noise."""
-    size = norm(measured)
-    left = norm(measured - seen) ** 2 - FITTED * norm(noise) ** 2
-    return max(math.sqrt(max(left, 0.0)) / size, EXPLAINED)
-
-
-def _of_summaries(
-    system: LinearSystem,
-    volume: NDArray[np.float32],
-    left_out: Jackknife,
-    again: NDArray[np.float32],
-    deviations: Deviations,
+def _half_widths(
+    values: dict[str, NDArray[np.float64]],
+    grid: VoxelGrid,
+    truth: NDArray[np.float64],
+    errors: Sequence[NDArray[np.float64]],
     light: float,
-) -> tuple[dict[str, NDArray], dict[str, NDArray], dict[str, NDArray]]:
-    """Return values, half-widths and half-widths by noise of totals, plane sums and edges.
+    placed: float = PLACED,
+) -> dict[str, NDArray[np.float64]]:
+    """Return half-widths of total, plane sums and edges.
 
-    ``light`` is the relative deviation that light gives sums.
+    ``errors`` (nx, ny, nz) are those of a volume ``truth``; ``light`` is the relative deviation of
+    all sums.
     """
-    active = system.projector.active
-    grid = active.grid
-    whole, second, *parts = (
-        summaries.of_unknowns(one, active) for one in (volume, again, *left_out.volumes)
+    sums = summaries.plane_sums(truth, grid)
+    off = [summaries.plane_sums(error, grid) for error in errors]
+    relative = math.sqrt(
+        np.mean([_squares(one) for own in off for one in own])
+        / max(np.mean([_squares(one) for one in sums]), np.finfo(float).tiny)
     )
-    by_noise = np.std(deviations.summaries, axis=0, ddof=1)
-    squares = by_noise**2 + left_out.deviation(whole, np.stack(parts)) ** 2
-    squares = summaries.split(squares + (second - whole) ** 2, grid)
-    values, noise = summaries.split(whole, grid), summaries.split(by_noise, grid)
-    half_widths = {}
-    for name, square in squares.items():
-        if name == "edges":
-            own = (PLACED * np.asarray(grid.spacing)[:, None]) ** 2 / FACTOR**2
-            half_widths[name] = FACTOR * np.sqrt(square + own)
-        else:
-            square = _over_planes(square + (light * values[name]) ** 2)
-            half_widths[name] = FACTOR * np.sqrt(square)
-    return values, half_widths, {name: NORMAL * one for name, one in noise.items()}
+    light_of_all = np.sqrt(np.mean([(one.sum() / truth.sum()) ** 2 for one in errors]))
+    found = {"total": np.asarray(NORMAL * math.hypot(light, light_of_all) * values["total"])}
+    edges = np.full((3, 2), np.nan)
+    for axis, letter in enumerate("xyz"):
+        name = f"plane_sums_{letter}"
+        own, places = values[name], grid.axes()[axis]
+        half = NORMAL * np.sqrt((light * own) ** 2 + relative**2 * _squares(own))
+        found[name] = half
+        if len(own) < 2:
+            edges[axis] = grid.spacing[axis]
+            continue
+        slopes = np.abs(np.gradient(own, places))
+        for side, place in enumerate(values["edges"][axis]):
+            slope = max(np.interp(place, places, slopes), np.finfo(float).tiny)
+            moves = min(np.interp(place, places, half) / slope, grid.extent[axis])
+            edges[axis, side] = math.hypot(moves, placed * grid.spacing[axis])
+    return found | {"edges": edges}
 
 
-def _over_planes(squares: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the means of neighbouring planes; a total stays."""
-    from scipy.ndimage import gaussian_filter1d
-
-    return gaussian_filter1d(squares, PLANES, mode="nearest") if squares.ndim else squares
+def _squares(values: NDArray[np.float64]) -> float:
+    return float(np.mean(np.square(values)))
 
 
 def _light_mismatch(
