@@ -72,7 +72,7 @@ class Finding:
         return {**asdict(self), "sentence": self.sentence, "step": self.step}
 
 
-LEFT_OUT = ("hidden", "dark", "order")
+LEFT_OUT = ("hidden", "dark")
 """Effects that are not corrected but left out."""
 
 WORDS: Mapping[str, tuple[str, str]] = {
@@ -92,6 +92,10 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "{who}: its image is magnified by {size} more than the rig says",
         "Check its focal length and focus, and calibrate it again",
     ),
+    "blur": (
+        "{who}: its image is blurred by {size} (standard deviation): out of focus, or in motion",
+        "Check its focus, and expose shorter",
+    ),
     "fall-off": (
         "{who}: images darken towards their corners, by {size} there (vignetting)",
         "Take a flat field and name it in scan.yaml (corrections: flat)",
@@ -101,7 +105,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "If the gas is transparent, reconstruct with --no-fit-absorption; else measure it",
     ),
     "outside": (
-        "{size} of the light comes from outside the grid",
+        "the grid cuts the flame: {size} of the light comes from outside it",
         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
     ),
     "hidden": (

@@ -45,7 +45,7 @@ wider than noise."""
 OUTSIDE = 0.3
 """Standard deviation of the emission around the grid, as a fraction of the peak in it."""
 
-FIRST, THEN = 8, 20
+FIRST, THEN = 8, 16
 """Iterations of MLEM at the start, and of conjugate gradients of every solve."""
 
 
@@ -112,7 +112,7 @@ def equations_of(
         active=active,
         skip=active is None,
         form="stored",
-    ).with_linear_basis()
+    ).with_linear_basis(variances=observation.blur)
     if not observation.absorption:
         return system
     return system.with_absorption(observation.absorption, means)
@@ -145,6 +145,7 @@ def first_fit(
 def continued(found: Fit, observation: Observation, active: ActiveVoxels | None) -> Fit:
     """Return the fit of an observation that was corrected further."""
     same = tuple(observation.rig) == tuple(found.observation.rig)
+    same = same and observation.blur == found.observation.blur
     system = found.system
     if not same or observation.absorption != found.observation.absorption:
         system = equations_of(observation, active, found.means)

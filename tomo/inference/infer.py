@@ -6,7 +6,7 @@ loose and found together with the voxels, and all are scored again, until none e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -39,7 +39,9 @@ FALSE_ALARMS = 0.02
 NEGLIGIBLE = 0.1
 """Size of an effect, in standard deviations of its prior, that is never told from voxels."""
 
-LEAST = {"outside": 0.001, "hidden": 0.002}
+OUTSIDE, HIDDEN = "outside", "hidden"
+
+LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002}
 """The same for light from outside, a fraction of all, and for pixels that nothing explains."""
 
 ROUNDS = 8
@@ -47,6 +49,12 @@ ROUNDS = 8
 
 STEPS = 8
 """Gauss-Newton steps of an effect at most; they end when none is larger than `NEGLIGIBLE`."""
+
+RIVAL = 0.5
+"""Score over its limit from which an effect competes for a view that something is wrong with."""
+
+TRIED = 3
+"""Gauss-Newton steps of an effect that others compete with: fewer stop far from large faults."""
 
 WIDER = 2
 """Pixels around those that nothing explains that are not trusted either."""
@@ -135,14 +143,9 @@ def infer(
         state = search.relaxed(state)
     for _ in range(ROUNDS):
         ratio = search.ratios(state)
-        best = max((n for n in ratio if n != "hidden"), key=lambda n: ratio[n].max())
-        doubted = ratio["hidden"] >= 1
-        if ratio[best].max() >= 1:
-            state = search.adapted(state, best, ratio[best], doubted)
-        elif doubted.any():
-            state = search.without_hidden(state, doubted)
-        else:
+        if max(float(one.max()) for one in ratio.values()) < 1:
             break
+        state = search.adapted(state, ratio)
     return Inference(observation, tuple(effects), state, search.highest, search.spread)
 
 
@@ -193,13 +196,13 @@ class _Search:
                     spread = self.spread[name] = self.null(steps).spread(name)
                 score = np.where(state.free[name], 0, size / np.hypot(spread, least))
                 found[name] = score.max(axis=1) / self.own_limit
-        found["outside"] = np.zeros(views)
+        found[OUTSIDE] = np.zeros(views)
         if self.look_outside and state.fit.around is None:
-            found["outside"][:] = self._outside(steps)
-        hidden, few = steps.hidden, LEAST["hidden"]
+            found[OUTSIDE][:] = self._outside(steps)
+        hidden, few = steps.hidden, LEAST[HIDDEN]
         often = self.null(steps).hidden() if (hidden > self.own_limit * few).any() else 0.0
-        found["hidden"] = np.where(state.hidden, 0, hidden / np.hypot(often, few))
-        found["hidden"] /= self.own_limit
+        found[HIDDEN] = np.where(state.hidden, 0, hidden / np.hypot(often, few))
+        found[HIDDEN] /= self.own_limit
         for name, ratio in found.items():
             self.highest[name] = np.maximum(self.highest.get(name, 0), ratio)
         return found
@@ -214,36 +217,46 @@ class _Search:
         return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit
 
     def _outside(self, steps: Steps) -> float:
-        least = LEAST["outside"]
+        least = LEAST[OUTSIDE]
         if steps.outside <= self.shared_limit * least:
             return 0.0
         mean, spread = self.null(steps).of(lambda one: one.outside)
         return (steps.outside - mean) / float(np.hypot(spread, least)) / self.shared_limit
 
-    def adapted(
-        self,
-        state: State,
-        name: str,
-        ratio: NDArray[np.float64],
-        doubted: NDArray[np.bool_],
-    ) -> State:
-        """Return the state with an effect let loose, in its worst view or, if most ask, in all.
+    def adapted(self, state: State, ratio: Mapping[str, NDArray[np.float64]]) -> State:
+        """Return the state with what explains the view better that exceeds its null most.
 
-        Where pixels of that view are doubted, leaving these out instead is compared.
+        An effect of most views is let loose in all of them. For a single view all effects
+        compete that may be it, and leaving out the pixels that lost their weight: what explains
+        most, for its prior, is taken.
         """
-        if name == "outside":
+        largest = {name: float(one.max()) for name, one in ratio.items()}
+        effects = {name: one for name, one in largest.items() if name != HIDDEN}
+        best = max(effects, key=effects.__getitem__)
+        if best == OUTSIDE and largest[best] >= largest[HIDDEN]:
             return self.relaxed(replace(state, fit=with_surroundings(state.fit)))
-        over = ratio >= 1
-        over = np.full(len(over), True) if over.mean() > 0.5 else ratio >= ratio.max()
+        over = ratio[best] >= 1
+        if over.mean() > 0.5:
+            return self.relaxed(self._loose(state, best, np.full(len(over), True)))
+        worst = max(largest, key=largest.__getitem__)
+        view = ratio[worst] >= largest[worst]
+        names = [n for n in self.deviation if (ratio[n] >= RIVAL)[view].any()]
+        trials = {name: self._loose(state, name, view) for name in names}
+        if names == [worst] and not (ratio[HIDDEN] >= RIVAL)[view].any():
+            return self.relaxed(trials[worst])
+        tried = {name: self.relaxed(trial, TRIED) for name, trial in trials.items()}
+        if (ratio[HIDDEN] >= RIVAL)[view].any():
+            tried[HIDDEN] = self.without_hidden(state, view)
+        scale = min(_scale(one.fit) for one in tried.values())
+        cost = {n: _disagreement(s.fit, scale) + self._prior(s.values) for n, s in tried.items()}
+        least = min(cost, key=cost.__getitem__)
+        return tried[HIDDEN] if least == HIDDEN else self.relaxed(tried[least])
+
+    def _loose(self, state: State, name: str, views: NDArray[np.bool_]) -> State:
+        """Return the state with an effect let loose, all usable pixels of its views trusted."""
         free = {n: f.copy() for n, f in state.free.items()}
-        free[name] |= over[:, None]
-        loose = self.relaxed(replace(state, free=free, fit=_trusting(state.fit, over)))
-        if not (doubted & over).any():
-            return loose
-        without = self.without_hidden(state, doubted & over)
-        scale = min(_scale(loose.fit), _scale(without.fit))
-        cost = [_disagreement(s.fit, scale) + self._prior(s.values) for s in (loose, without)]
-        return loose if cost[0] <= cost[1] else without
+        free[name] |= views[:, None]
+        return replace(state, free=free, fit=_trusting(state.fit, views))
 
     def _prior(self, values: Values) -> float:
         return sum(float(np.square(v / self.deviation[n]).sum()) for n, v in values.items())
@@ -261,10 +274,10 @@ class _Search:
             fit = with_trust(next_fit(fit))
         return replace(state, fit=fit, hidden=state.hidden | views)
 
-    def relaxed(self, state: State) -> State:
+    def relaxed(self, state: State, steps: int = STEPS) -> State:
         """Return the state after Gauss-Newton steps of all that is loose."""
         fit, values = state.fit, state.values
-        for _ in range(STEPS):
+        for _ in range(steps):
             step = next_fit(fit, self.effects, free=state.free, values=values)
             moved = {}
             for effect in self.effects:

@@ -26,11 +26,11 @@ def exact_images(
     volume: NDArray[np.float32],
     turn: int,
     active: ActiveVoxels | None = None,
-) -> tuple[Observation, ActiveVoxels | None]:
+) -> tuple[Observation, ActiveVoxels | None, NDArray[np.float32]]:
     """Return the observation with images of a volume by exact cameras, and their noise.
 
-    The volume, and with it the active voxels, which are returned too, is turned over as `TURNS`
-    says.
+    The volume, and with it the active voxels, is turned over as `TURNS` says; both are returned
+    too.
     """
     grid = observation.grid
     fine = VoxelGrid.from_bounds([FINER * n for n in grid.shape], grid.lower, grid.upper)
@@ -50,4 +50,5 @@ def exact_images(
     if active is not None and not active.all:
         mask = np.flip(active.mask.reshape(grid.shape), TURNS[turn])
         active = ActiveVoxels.from_mask(grid, mask)
-    return replace(observation, images=tuple(made)), active
+    turned = np.ascontiguousarray(np.flip(volume, TURNS[turn]))
+    return replace(observation, images=tuple(made)), active, turned

@@ -68,10 +68,7 @@ class Steps:
     @property
     def hidden(self) -> NDArray[np.float64]:
         """The fraction of every view's pixels that lost their weight, ``(views,)``."""
-        ptr = self.fit.system.projector.view_ptr
-        lost = np.where(self.fit.usable, 1 - self.fit.trust, 0)
-        sums = np.diff(np.r_[0.0, np.cumsum(lost)][ptr])
-        return sums / np.maximum(np.diff(ptr), 1)
+        return distrust(self.fit)
 
 
 class Null:
@@ -88,12 +85,10 @@ class Null:
         fit, effects = steps.fit, steps.effects
         views = len(fit.observation.rig)
         none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
-        self._drawn = [
-            Steps(
-                first_fit(*exact_images(fit.observation, fit.means, turn, active)), effects, none
-            )
-            for turn in range(DRAWN)
-        ]
+        self._drawn = []
+        for turn in range(DRAWN):
+            made = exact_images(fit.observation, fit.means, turn, active)
+            self._drawn.append(Steps(first_fit(*made, rounds=1), effects, none))
         misfit = float(np.mean([one.misfit for one in self._drawn]))
         self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300))
 
@@ -114,3 +109,11 @@ class Null:
         drawn = [what(one) for one in self._drawn]
         mean = float(np.mean(drawn))
         return mean, float(np.hypot(np.std(drawn, ddof=1), DETAIL * mean))
+
+
+def distrust(fit: Fit) -> NDArray[np.float64]:
+    """Return the fraction of every view's usable pixels that lost their weight, ``(views,)``."""
+    ptr = fit.system.projector.view_ptr
+    lost = np.where(fit.usable, 1 - fit.trust, 0)
+    sums = np.diff(np.r_[0.0, np.cumsum(lost)][ptr])
+    return sums / np.maximum(np.diff(ptr), 1)

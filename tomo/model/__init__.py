@@ -7,6 +7,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "absorbing": ["Absorbing"],
         "background": ["Background"],
+        "blur": ["Blur"],
         "corrections": ["Corrections"],
         "effect": ["Effect", "Prediction"],
         "fall_off": ["FallOff"],

@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
-from tomo.model.outside import Surroundings
 from tomo.operators import TRANSPARENT, Absorption
 
 Values = Mapping[str, NDArray[np.float64]]
@@ -19,7 +18,7 @@ Values = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Corrections:
-    """The values of the effects, pixels that nothing explains, and light from around the grid.
+    """The values of the effects, and pixels that nothing explains.
 
     Attributes
     ----------
@@ -33,8 +32,6 @@ class Corrections:
         Of all gas, known and found.
     untrusted : mapping of str to (height, width) bool
         By camera: pixels that show what neither the volume nor an effect explains.
-    outside : (cells,) float64, optional
-        The light of `tomo.model.outside.Surroundings`.
     """
 
     names: tuple[str, ...]
@@ -43,7 +40,6 @@ class Corrections:
     values: Values = field(default_factory=dict)
     absorption: Absorption = TRANSPARENT
     untrusted: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
-    outside: NDArray[np.float64] | None = None
 
     def __repr__(self) -> str:
         """Name the effects that are not zero."""
@@ -62,13 +58,17 @@ class Corrections:
             values = np.array([none if row is None else own[row] for row in rows])
             if values.any() and not effect.of_gas and (move or not effect.of_cameras):
                 observation = effect.applied(observation, values)
-        if self.outside is not None:
-            observation = Surroundings.of(observation.grid).without(observation, self.outside)
         masks = tuple(
             mask & ~self.untrusted[name] if name in self.untrusted else mask
             for name, mask in zip(observation.rig.names, observation.masks, strict=True)
         )
         return replace(observation, masks=masks, absorption=self.absorption)
+
+    @property
+    def blur(self) -> tuple[float, ...] | None:
+        """The variance of each image's blur, in squared pixels; None where none was found."""
+        found = self.values.get("blur")
+        return None if found is None or not found.any() else tuple(found[:, 0].tolist())
 
     def of(self, name: str) -> NDArray[np.float64]:
         """Return the values of an effect; zeros of one parameter where it was not looked for."""

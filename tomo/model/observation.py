@@ -40,6 +40,8 @@ class Observation:
         Of gas that is known, or was found.
     sets_scale : tuple of bool, optional
         The cameras whose gains have the mean 1, those of calibrated brightness; all when None.
+    blur : tuple of float, optional
+        The variance of each image's blur, in squared pixels; 0 when None.
     """
 
     rig: Rig
@@ -49,6 +51,7 @@ class Observation:
     grid: VoxelGrid
     absorption: Absorption = TRANSPARENT
     sets_scale: tuple[bool, ...] | None = None
+    blur: tuple[float, ...] | None = None
 
     @cached_property
     def brightest(self) -> float:

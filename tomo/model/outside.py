@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.model.observation import Observation
 from tomo.operators import LinearSystem
 
 CELLS = 6
@@ -51,20 +49,3 @@ class Surroundings:
         return LinearSystem.from_rig(
             system.rig, self.grid, masks=masks, active=self.active, skip=False, form="stored"
         )
-
-    def without(self, observation: Observation, light: NDArray[np.float64]) -> Observation:
-        """Return the observation without the light of the voxels around, ``(unknowns,)``."""
-        if not light.any():
-            return observation
-        whole = [np.ones(image.shape, bool) for image in observation.images]
-        system = LinearSystem.from_rig(
-            observation.rig,
-            self.grid,
-            masks=whole,
-            active=self.active,
-            skip=True,
-            form="on-the-fly",
-        )
-        seen = system.images(system.projector @ light.astype(np.float32))
-        images = tuple(a - b for a, b in zip(observation.images, seen, strict=True))
-        return replace(observation, images=images)

@@ -159,13 +159,17 @@ class LinearSystem:
         blur = lens_blur(self.rig, self.pixels, self.projector.grid, diameter)
         return replace(self, projector=blur @ self.projector)
 
-    def with_linear_basis(self, supersample: int = 1) -> LinearSystem:
+    def with_linear_basis(
+        self, supersample: int = 1, variances: Sequence[float] | None = None
+    ) -> LinearSystem:
         """Return the same equations for emission that is linear between voxel centres.
 
         Parameters
         ----------
         supersample : int
             Rays along each side of a pixel that the equations were made with.
+        variances : sequence of float, optional
+            For each camera the variance of a further blur of its image, in squared pixels.
 
         Raises
         ------
@@ -173,7 +177,9 @@ class LinearSystem:
             If the grid's centre is behind a camera, or the blur would not fit in memory.
         """
         seen = self.projector.row_sums > 0
-        blur = footprint_blur(self.rig, self.pixels, seen, self.projector.grid, supersample)
+        blur = footprint_blur(
+            self.rig, self.pixels, seen, self.projector.grid, supersample, variances
+        )
         return replace(self, projector=LinearBasis(blur @ self.projector))
 
     def with_absorption(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -40,7 +41,11 @@ class Basis:
 
 
 def in_basis(
-    system: LinearSystem, asked: str, supersample: int, against: str
+    system: LinearSystem,
+    asked: str,
+    supersample: int,
+    against: str,
+    variances: Sequence[float] | None = None,
 ) -> tuple[LinearSystem, Basis]:
     """Return the system in the basis that is asked for, or linear where that is possible.
 
@@ -53,16 +58,18 @@ def in_basis(
         Rays along each side of a pixel.
     against : str
         Why ``auto`` keeps the voxel basis, see `reason_of_method`; empty where it need not.
+    variances : sequence of float, optional
+        Of the blur of each camera's image, which the linear basis alone can have.
     """
     if asked == LINEAR:
-        return system.with_linear_basis(supersample), Basis(LINEAR, "as asked for")
+        return system.with_linear_basis(supersample, variances), Basis(LINEAR, "as asked for")
     if asked != AUTO or against:
         return system, Basis(VOXEL, against if asked == AUTO else "as asked for")
-    return linear_where_possible(system, supersample)
+    return linear_where_possible(system, supersample, variances)
 
 
 def linear_where_possible(
-    system: LinearSystem, supersample: int = 1
+    system: LinearSystem, supersample: int = 1, variances: Sequence[float] | None = None
 ) -> tuple[LinearSystem, Basis]:
     """Return the system in the linear basis, or in the voxel basis with the reason against it.
 
@@ -77,7 +84,7 @@ def linear_where_possible(
     if against:
         return system, Basis(VOXEL, against)
     try:
-        linear = system.with_linear_basis(supersample)
+        linear = system.with_linear_basis(supersample, variances)
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(VOXEL, str(error))
     return linear, Basis(LINEAR, "light has no edges of voxels")

@@ -62,8 +62,10 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
     methods = methods_of(options)
     with timed() as stage:
         against = reason_of_method(methods[0], freeze_encoder=options.freeze_encoder)
-        system, basis = in_basis(traced.system, options.basis, options.supersample, against)
         found = screened.corrections
+        system, basis = in_basis(
+            traced.system, options.basis, options.supersample, against, found and found.blur
+        )
         absorption = (
             given_absorption(screened.scan, options) if found is None else found.absorption
         )

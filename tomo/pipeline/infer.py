@@ -14,11 +14,15 @@ from rigs.progress import Progress
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.inference.finding import Finding
+from tomo.inference.fit import first_fit
 from tomo.inference.infer import Inference, infer
+from tomo.inference.misplaced import TURNS, find_misplaced
+from tomo.inference.steps import distrust
 from tomo.inference.unusable import doubles, is_dark
 from tomo.model import (
     Absorbing,
     Background,
+    Blur,
     Corrections,
     FallOff,
     Gain,
@@ -62,6 +66,8 @@ def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect
         found += [Gain(), Background()]
     if options.screen and default:
         found.append(FallOff())
+        if not options.blur and options.aperture_rays == 1:
+            found.append(Blur(Blur.sigma / factor**2))
     if options.fit_absorption or (options.fit_absorption is None and default):
         given = known.extinction is not None
         if options.absorption is None and not given:
@@ -172,13 +178,12 @@ def _inferred(
     coarse = Background().applied(observation.coarser(factor), levels[:, None])
     if not coarse.brightest > 0:
         return screened
-    found = infer(
-        coarse,
-        effects,
-        _not_dark(coarse, options),
-        asked=_asked(options, effects),
-        look_outside=options.screen,
-    )
+    active = _not_dark(coarse, options)
+    if options.screen:
+        moved = _in_place(screened, coarse, active)
+        if moved is not None:
+            return _inferred(moved, grid, options, known)
+    found = infer(coarse, effects, active, _asked(options, effects), options.screen)
     corrections = _corrections(found, observation, factor, levels)
     seen = corrections.applied(observation)
     return replace(
@@ -192,6 +197,31 @@ def _inferred(
         gains=_gains(found, corrections, observation),
         emission=_emission(found, grid) if corrections.absorption.emission else None,
     )
+
+
+def _in_place(
+    screened: ScreenedScan, coarse: Observation, active: ActiveVoxels | None
+) -> ScreenedScan | None:
+    """Return the images with one that was turned over, or another camera's, in its place."""
+    found = find_misplaced(coarse, distrust(first_fit(coarse, active)), active)
+    if found is None or len(screened.findings) >= len(coarse.rig):
+        return None
+    names, images, masks = coarse.rig.names, list(screened.images), list(screened.masks)
+    noise, view, other = list(screened.noise), found.view, found.other
+    if other is None:
+        turn = TURNS[found.turned]
+        images[view], masks[view] = turn(images[view]).copy(), turn(masks[view]).copy()
+        said = [Finding("mirrored", names[view], other=found.turned)]
+    else:
+        images[view], images[other] = images[other], images[view]
+        masks[view], masks[other] = masks[other], masks[view]
+        noise[view], noise[other] = noise[other], noise[view]
+        pairs = ((view, other), (other, view))
+        said = [Finding("order", names[a], other=names[b]) for a, b in pairs]
+    return replace(
+        screened, images=images, masks=masks, noise=tuple(noise),
+        findings=(*screened.findings, *said),
+    )  # fmt: skip
 
 
 def _own_levels(screened: ScreenedScan, effects: Sequence[Effect]) -> NDArray[np.float64]:
@@ -225,8 +255,9 @@ def _corrections(
     values = {name: np.array(one) for name, one in found.state.values.items()}
     if levels.any():
         values["background"][:, 0] += levels / np.exp(values["gain"][:, 0])
-    if "pose" in values:
-        values["pose"] *= factor
+    for name, power in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
+        if name in values:
+            values[name] *= factor**power
     fit, untrusted = found.state.fit, {}
     lost = fit.system.images((~fit.usable).astype(np.float32))
     for name, mask, image, hidden in zip(
@@ -245,7 +276,6 @@ def _corrections(
         values,
         fit.observation.absorption,
         untrusted,
-        fit.outside if found.has_outside else None,
     )
 
 
@@ -306,7 +336,8 @@ def _findings(
         said.append(Finding("hidden", names[view], fraction, unit="%", score=most))
     if found.has_outside:
         most = float(found.scores["outside"].max())
-        said.append(Finding("outside", size=state.fit.light_outside, unit="%", score=most))
+        size = state.fit.light_outside
+        said.append(Finding("outside", size=size, unit="%", score=most, corrected=False))
     return sorted(said, key=lambda one: -one.score)
 
 
@@ -318,6 +349,8 @@ def _size(
         return effect, float(np.expm1(values[0])), "%"
     if effect == "background":
         return effect, float(values[0]) / observation.brightest, "%"
+    if effect == "blur":
+        return effect, float(np.sqrt(values[0])), "px"
     zoom = abs(values[3])
     if zoom > np.abs(np.delete(values, 3)).max():
         radius = min(camera.image_size) / 2

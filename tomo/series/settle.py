@@ -124,8 +124,6 @@ def make_plan(
     stage("pixels and cameras")
     screened = screen(mean_of_frames(scan, loaded), options.hold_out, look=options.screen)
     screened = infer_effects(screened, scan, grid, options)
-    if screened.corrections is not None:  # that of the mean is not that of a frame
-        screened = replace(screened, corrections=replace(screened.corrections, outside=None))
     frames = [images_of(one, screened) for one in loaded]
     asked, tell = cameras_to_refine(options, scan), stage("where cameras look")
     others: list[FrameImages] = []

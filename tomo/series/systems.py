@@ -43,7 +43,10 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
     traced = trace_views(screened, registered, plan.grid, plan.options)
     apart = trace_apart(screened, traced.system, plan.options)
     of_plan = known.built
-    system, _ = in_basis(traced.system, of_plan.basis.name, plan.options.supersample, "")
+    found = plan.screened.corrections
+    system, _ = in_basis(
+        traced.system, of_plan.basis.name, plan.options.supersample, "", found and found.blur
+    )
     system = through_gas(system, of_plan.absorption, plan.emission, plan.options)
     built = replace(of_plan, system=system, choice=None)
     if apart is not None:
