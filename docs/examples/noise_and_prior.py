@@ -21,7 +21,7 @@ METHODS = {
     "mlem, 200 iterations (long)": ("#7d5ba6", {"method": "mlem", "iterations": 200}),
     "mlem, 5 iterations (short)": ("#178060", {"method": "mlem", "iterations": 5}),
     "total variation": ("#c8511b", {"method": "tv"}),
-    "the default": ("#1b2733", {"learn": False, "fit_gain": False, "fit_absorption": False}),
+    "the default": ("#1b2733", {"fit_gain": False, "fit_absorption": False}),
 }
 grid = tomo.VoxelGrid(shape=(18, 20, 18), spacing=1.0)  # mm
 rig = rigs.ring(9, 20, distance=400, image_size=(36, 34), footprint=0.65)

@@ -10,7 +10,7 @@ COMPILED_LATER = """
 import sys
 from numba.core.dispatcher import Dispatcher
 from tomo import Scan, VoxelGrid, load_scan
-from tomo.pipeline.first_use import warm_up, warm_up_alignment, warm_up_carving
+from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline import Options, reconstruct
 
 def known():
@@ -18,9 +18,7 @@ def known():
     kernels = [one for m in modules for one in vars(m).values() if isinstance(one, Dispatcher)]
     return {(one.py_func.__qualname__, str(s)) for one in kernels for s in one.signatures}
 
-warm_up("march")
-warm_up_carving()
-warm_up_alignment()
+warm_up_stages("march", carving=True)
 before = known()
 grid = VoxelGrid((20, 40, 20), 0.5, (1.0, -2.0, 0.5))
 for basis in ("voxel", "linear"):

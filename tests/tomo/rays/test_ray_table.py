@@ -143,15 +143,15 @@ def test_a_camera_that_is_off_is_found_alike(made, rig, seed):
     masks = tuple(np.ones(image.shape, bool) for image in images)
     noise = tuple(map(estimate_noise, images, masks))
     shift, found = np.random.default_rng(seed).normal(0, 1.5, 2), []
-    for given in (rig, tables(rig)):
-        wrong = replace(given, cameras=(given[0].shifted(*shift), *given.cameras[1:]))
+    for right in (rig, tables(rig)):
+        wrong = replace(right, cameras=(right[0].shifted(*shift), *right.cameras[1:]))
         observation = Observation(wrong, images, masks, noise, GRID)
         state = infer(observation, (Pose(),), look_outside=False).state
         assert state.free["pose"][0].all()
         assert not state.free["pose"][1:].any()
         found.append(state.values["pose"][0])
         seen = Pose().applied(observation, state.values["pose"])
-        assert all(type(camera) is type(given[0]) for camera in seen.rig)
+        assert all(type(camera) is type(right[0]) for camera in seen.rig)
     np.testing.assert_allclose(found[0][:2], -shift, atol=0.15)
     np.testing.assert_allclose(found[1][:2], -shift, atol=0.15)
 

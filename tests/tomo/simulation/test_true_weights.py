@@ -11,9 +11,9 @@ from phantoms import create
 from rigs import ring
 from tomo import LinearSystem, VoxelGrid, load_scan
 from tomo.io import read_volume
+from tomo.operators.view_gains import Gains
 from tomo.pipeline import Options, reconstruct
 from tomo.report.outcome_files import write_outcome
-from tomo.operators.view_gains import Gains
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.simulation.true_weights import true_effects, true_ratios

@@ -93,10 +93,10 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
     with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
         assert methods.AUTO == solve.AUTO == "other"
     assert methods.AUTO == solve.AUTO == before
-    gains, shifts = map(import_module, ("tomo.selfcal.gains", "tomo.selfcal.shifts"))
-    assert gains.ROUNDS == shifts.ROUNDS == 2
-    with patches.patched({"tomo.selfcal.gains.ROUNDS": 3}):
-        assert (gains.ROUNDS, shifts.ROUNDS) == (3, 2)
+    infer, wernet = map(import_module, ("tomo.pipeline.infer", "tomo.wernet.default.wernet"))
+    assert infer.FEWEST_VIEWS == wernet.FEWEST_VIEWS == 3
+    with patches.patched({"tomo.pipeline.infer.FEWEST_VIEWS": 4}):
+        assert (infer.FEWEST_VIEWS, wernet.FEWEST_VIEWS) == (4, 3)
     with (
         pytest.raises(ValueError, match=r"--set: found 'tomo\.solvers\.nothing\.X'"),
         patches.patched({"tomo.solvers.nothing.X": 1}),

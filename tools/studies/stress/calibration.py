@@ -8,7 +8,6 @@ from functools import cache
 import numpy as np
 from scipy.ndimage import shift
 
-from rigs import Rig
 from studies.common.scans import reconstructed
 from studies.common.study import Request, Tables
 from studies.stress.calibration_scene import (
@@ -21,9 +20,8 @@ from studies.stress.calibration_scene import (
     simulated,
 )
 from studies.stress.row import COLUMNS, Chart, Row, charts, measured
-from tomo import solvers
-from tomo.pipeline.register import displacement_warning, register
-from tomo.scan.images import Images, Masks
+from tomo import Scan, solvers
+from tomo.pipeline import Options, reconstruct
 
 __all__ = ["COLUMNS", "PLOTS", "run"]
 
@@ -41,7 +39,8 @@ APART = 2.0
 
 FROM = 1.0  # pixels from which on the report has to say so
 
-SAYS_SO = ("cameras and images disagree", "pixels beside where the rig says")
+SAYS_SO = ("pose", "magnification")
+"""Effects of findings that say that cameras and images disagree."""
 
 
 def run(request: Request) -> Tables:
@@ -123,17 +122,13 @@ def _growth(
 
 
 def warnings_of(flame: Flame, kind: str, pixels: float, seed: int = 0) -> list[str]:
-    """Return what the report says of cameras that are off by so many pixels."""
-    scan = flame.seen_wrongly(kind, pixels, seed)
-    images, masks = scan.read()
-    found = _registration_warnings(scan.rig, images, masks)
-    return [line for line in found if any(words in line for words in SAYS_SO)]
+    """Return the cameras that are found beside the rig's where all are off by so many pixels."""
+    return _found_off(flame.seen_wrongly(kind, pixels, seed))
 
 
-def _registration_warnings(rig: Rig, images: Images, masks: Masks) -> list[str]:
-    """Return what a registration says of the cameras."""
-    found = register(rig, images, masks, GRID, align=True, margin=None)
-    return [*found.record.warnings, *displacement_warning(found.alignment, rig.names, False)]
+def _found_off(scan: Scan) -> list[str]:
+    found = reconstruct(scan, options=Options(method="mlem", iterations=1, uncertainty=0))
+    return [str(one.camera) for one in found.findings if one.effect in SAYS_SO]
 
 
 def _warned_from(flame: Flame, kind: str, name: str, pixels: tuple[float, ...]) -> Row:
@@ -163,11 +158,9 @@ def _single(clean: Flame, noisy: Flame, every: int) -> Row:
     unnamed = []
     for flame in (clean, noisy):
         for number in range(0, VIEWS, every):
-            scan = flame.one_off(number, 2.0)
-            images, masks = scan.read()
-            found = _registration_warnings(scan.rig, images, masks)
-            if not any(f"camera {flame.rig.names[number]} " in line for line in found):
-                unnamed.append(flame.rig.names[number])
+            name = flame.rig.names[number]
+            if name not in _found_off(flame.one_off(number, 2.0)):
+                unnamed.append(name)
     return Row.of_faults(
         "One camera of 12 is off by 2 px and is not named", "clean and noisy", unnamed
     )

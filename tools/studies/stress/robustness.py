@@ -25,8 +25,10 @@ from studies.stress.robustness_scene import (
     wrong_views,
 )
 from studies.stress.row import COLUMNS, Row, measured, worst_of
-from tomo.pipeline import Reconstruction
-from tomo.screening import screen_images
+from tomo import Scan
+from tomo.inference.finding import LEFT_OUT
+from tomo.measurement.pixel_check import check_pixels
+from tomo.pipeline import Options, Reconstruction, reconstruct
 from tomo.simulation.effects import Effects
 
 __all__ = ["COLUMNS", "run"]
@@ -167,12 +169,11 @@ class _Measured:
 
 
 def _not_as_named(outcome: Reconstruction, wrong: tuple[str, ...]) -> Iterator[str]:
-    excluded = [view.name for view in outcome.views if view.excluded]
+    found = {one.camera for one in outcome.findings if one.camera}
     for name in wrong:
-        warned = any(warning.startswith(f"camera {name}: ") for warning in outcome.warnings)
-        if name not in excluded or not warned:
+        if name not in found:
             yield f"{name} not named"
-    for name in excluded:
+    for name in sorted(found):
         if name not in wrong:
             yield f"{name} named"
 
@@ -188,14 +189,21 @@ def _right(
             one = scene(flame, seed, shrink, RIGHT[what])
             for name, rig, images in _variants(one, what, seed):
                 masks = [np.ones(image.shape, bool) for image in images]
-                found = screen_images(rig, images, masks, one.grid)
-                alarms += [f"{flame}, {name}: {camera}" for camera in found.excluded]
+                found = check_pixels(rig.names, images, masks)
+                alarms += [f"{flame}, {name}: {out}" for out in _left_out(one, rig, images)]
                 bad_ones += sum(found.outliers.values())
                 pixels += sum(found.usable.values())
                 judged += 1
     over = f"{judged} sets: " + ", ".join([*whats, "noise", "3 px off", "5 and 11 views"])
     yield Row.of_faults("right images: views left out", over, alarms)
     yield Row("right images: pixels left out", over, bad_ones / pixels, FALSE_ALARMS, "of all")
+
+
+def _left_out(one: Scene, rig: Rig, images: Images) -> list[str]:
+    """Return the cameras that are left out, wholly or in part, though nothing is wrong."""
+    scan = Scan.from_arrays(rig, dict(zip(rig.names, images, strict=True)), one.grid)
+    outcome = reconstruct(scan, options=Options(method="mlem", iterations=1, uncertainty=0))
+    return [str(each.camera) for each in outcome.findings if each.effect in LEFT_OUT]
 
 
 def _variants(one: Scene, what: str, seed: int) -> Iterator[tuple[str, Rig, Images]]:

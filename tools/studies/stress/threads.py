@@ -89,7 +89,7 @@ def classic_rows(made: Sequence[Made]) -> Iterator[Row]:
         if one.hashes.get(name) != first.hashes[name]
     ]
     yield Row(
-        "every classic method, default method, carving, gains, alignment, simulation, by threads",
+        "every classic method, default method, carving, effects, simulation, by threads",
         over,
         len(differing),
         0,

@@ -49,9 +49,10 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     from studies.stress.scene import ring, scene_of, solved
     from tomo import load_scan
     from tomo.hull import carve
+    from tomo.inference.infer import infer
+    from tomo.measurement import estimate_noise
+    from tomo.model import Absorbing, Gain, Observation, Pose
     from tomo.pipeline import Options, reconstruct
-    from tomo.selfcal.gains import estimate_gains
-    from tomo.selfcal.shifts import align_views
 
     scan = load_scan(folder)
     images, masks = scan.read()
@@ -69,9 +70,12 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     yield from _fewer(seen)
     cameras = tuple(scan.rig)
     yield "carving", carve(cameras, images, masks, scan.grid).active.mask
-    yield "gains", estimate_gains(seen.system, seen.measured).gain
     few = replace(scan.rig, cameras=cameras[:5])
-    yield "alignment", align_views(few, images[:5], scan.grid, masks=masks[:5]).shifts
+    noise = tuple(map(estimate_noise, images[:5], masks[:5]))
+    one = Observation(few, tuple(images[:5]), tuple(masks[:5]), noise, scan.grid)
+    found = infer(one, (Gain(), Pose(), Absorbing(own=False)), asked=("gain", "pose", "medium"))
+    for name, values in found.state.values.items():
+        yield name, values
 
 
 def _fewer(seen: Scene) -> Iterator[tuple[str, NDArray]]:
