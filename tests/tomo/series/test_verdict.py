@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from tomo.inference.finding import Finding
 from tomo.series.table import SeriesTable
 from tomo.series.verdict import verdict_of_series
 
@@ -45,12 +46,11 @@ def test_the_worst_frame_decides_and_frames_are_counted(worst, level, counts):
 
 
 def test_a_camera_that_is_wrong_in_all_frames_is_named_once():
-    causes = [{"words": "gain 1.4", "needs": "Set its gain"}]
-    cameras = {"cam3": {"causes": causes, "done": "Its image was divided by it"}}
-    found = verdict([0.01] * 4, screening={"cameras": cameras, "excluded": []})
+    hidden = Finding("hidden", "cam3", 0.1, unit="%")
+    found = verdict([0.01] * 4, findings=[hidden.report()])
     assert found["level"] == "amber"
     assert len(found["reasons"]) == 1
-    assert found["reasons"][0].startswith("camera cam3 contradicts the others (gain 1.4)")
+    assert found["reasons"][0].startswith("camera cam3: 10.0 % of its pixels show")
 
 
 def test_a_held_out_camera_that_is_not_predicted_is_named_and_no_part_of_the_answer():
