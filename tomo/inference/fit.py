@@ -110,7 +110,7 @@ def equations_of(
         observation.grid,
         masks=observation.masks,
         active=active,
-        skip=active is None,
+        skip=False,  # the same pixels wherever cameras look
         form="stored",
     ).with_linear_basis(variances=observation.blur)
     if not observation.absorption:
@@ -150,16 +150,12 @@ def continued(found: Fit, observation: Observation, active: ActiveVoxels | None)
     if not same or observation.absorption != found.observation.absorption:
         system = equations_of(observation, active, found.means)
     measured = system.flatten(list(observation.images)).astype(np.float64)
-    trust, usable = found.trust, found.usable
-    if not same:
-        trust = _carried(found, system, found.trust)
-        usable = _carried(found, system, found.usable) > 0.5
     around = found.around
     if around is not None and not same:
         around = Surroundings.of(observation.grid).equations(system)
     return Fit(
-        observation, system, found.unknowns, measured, measured, trust, usable, found.inflation,
-        around=around, outside=found.outside,
+        observation, system, found.unknowns, measured, measured, found.trust, found.usable,
+        found.inflation, around=around, outside=found.outside,
     )  # fmt: skip
 
 
@@ -169,14 +165,6 @@ def with_surroundings(found: Fit) -> Fit:
         return found
     around = Surroundings.of(found.observation.grid).equations(found.system)
     return replace(found, around=around, outside=np.zeros(around.projector.shape[1]))
-
-
-def _carried(found: Fit, system: LinearSystem, flat: NDArray) -> NDArray[np.float64]:
-    """Return what pixels of other equations of the same images have, 1 where those have none."""
-    images = found.system.images(flat.astype(np.float32))
-    seen = found.system.images(np.ones(len(flat), np.float32))
-    images = [np.where(s > 0, i, 1) for i, s in zip(images, seen, strict=True)]
-    return system.flatten(images).astype(np.float64)
 
 
 def next_fit(

@@ -28,6 +28,7 @@ from tomo.inference.fit import (
     with_surroundings,
     with_trust,
 )
+from tomo.inference.left_out import surely_worse
 from tomo.inference.steps import DRAWN, Null, Steps
 from tomo.model.effect import Effect
 from tomo.model.gauge import without_gauge
@@ -43,6 +44,10 @@ OUTSIDE, HIDDEN = "outside", "hidden"
 
 LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002}
 """The same for light from outside, a fraction of all, and for pixels that nothing explains."""
+
+PLAUSIBLE = 4.0
+"""Standard deviations of its prior that gas and fall-off have at most: beyond, they explain what
+no voxel can."""
 
 ROUNDS = 8
 """Effects that are let loose, one after the other. More take longer where cameras all err."""
@@ -137,15 +142,19 @@ def infer(
     views = len(observation.rig)
     none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
     free = {n: np.full(v.shape, n in asked) for n, v in none.items()}
-    state = State(first_fit(observation, active), dict(none), free, np.zeros(views, bool))
+    first = first_fit(observation, active)
+    state = State(first, none, free, np.zeros(views, bool))
     search = _Search(observation, tuple(effects), active, look_outside)
     if asked:
         state = search.relaxed(state)
+    given = state
     for _ in range(ROUNDS):
         ratio = search.ratios(state)
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
         state = search.adapted(state, ratio)
+    if state is not given and surely_worse(state.fit, given.fit):
+        state = given
     return Inference(observation, tuple(effects), state, search.highest, search.spread)
 
 
@@ -184,8 +193,8 @@ class _Search:
         found: dict[str, NDArray[np.float64]] = {}
         for effect in self.effects:
             name, least = effect.name, NEGLIGIBLE * self.deviation[effect.name]
-            if state.free[name].all():
-                found[name] = np.zeros(views)
+            if state.free[name].all() or (effect.shared and state.fit.around is not None):
+                found[name] = np.zeros(views)  # its null has no light around the grid
             elif effect.shared:
                 found[name] = np.full(views, self._shared(steps, effect, least[0, 0]))
             else:
@@ -203,6 +212,8 @@ class _Search:
         often = self.null(steps).hidden() if (hidden > self.own_limit * few).any() else 0.0
         found[HIDDEN] = np.where(state.hidden, 0, hidden / np.hypot(often, few))
         found[HIDDEN] /= self.own_limit
+        if (found[HIDDEN] >= 1).mean() > 0.5:  # what most views show is no hardware before one
+            found[HIDDEN][:] = 0
         for name, ratio in found.items():
             self.highest[name] = np.maximum(self.highest.get(name, 0), ratio)
         return found
@@ -284,8 +295,9 @@ class _Search:
                 change = step.values[effect.name]
                 if effect.shared and change.any():  # to where one more step is the null's
                     change = change - self.bias.get(effect.name, 0.0)
-                found = values[effect.name] + change
-                moved[effect.name] = np.maximum(found, 0) if effect.positive else found
+                least = 0.0 if effect.positive else -np.inf
+                most = PLAUSIBLE * self.deviation[effect.name] if effect.shared else np.inf
+                moved[effect.name] = np.clip(values[effect.name] + change, least, most)
             moved = without_gauge(moved, self.observation, step.means, state.free)
             size = max(
                 float(np.abs((moved[n] - values[n]) / self.deviation[n]).max()) for n in moved

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel
-from tomo.operators import TRANSPARENT, Absorption
+from tomo.operators import TRANSPARENT, Absorption, LinearSystem
 from tomo.scan.downsample import Coarser
 
 Images = tuple[NDArray[np.float32], ...]
@@ -73,9 +73,17 @@ class Observation:
             grid=found.grid,
         )  # fmt: skip
 
-    def with_images(self, images: list[NDArray[np.float32]]) -> Observation:
-        """Return the observation with other images."""
-        return replace(self, images=tuple(images))
+    @property
+    def in_sight(self) -> Observation:
+        """The observation of the pixels alone whose rays meet the grid."""
+        box = VoxelGrid.from_bounds((1, 1, 1), self.grid.lower, self.grid.upper)
+        system = LinearSystem.from_rig(self.rig, box, masks=self.masks, form="stored")
+        masks = []
+        for mask, kept in zip(self.masks, system.pixels, strict=True):
+            seen = np.zeros(mask.size, bool)
+            seen[kept] = True
+            masks.append(seen.reshape(mask.shape))
+        return replace(self, masks=tuple(masks))
 
     def __repr__(self) -> str:
         """Name the number of views and the grid."""

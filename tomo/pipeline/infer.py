@@ -175,7 +175,7 @@ def _inferred(
         scan.sets_scale,
     )  # fmt: skip
     levels = _own_levels(screened, effects)
-    coarse = Background().applied(observation.coarser(factor), levels[:, None])
+    coarse = Background().applied(observation.coarser(factor).in_sight, levels[:, None])
     if not coarse.brightest > 0:
         return screened
     active = _not_dark(coarse, options)
