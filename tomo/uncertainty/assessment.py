@@ -19,7 +19,13 @@ from tomo.uncertainty.bootstrap import KEPT, Deviations, standard_deviations
 from tomo.uncertainty.intervals import Intervals, deviations_of_pair, intervals
 from tomo.uncertainty.moved import solve_moved
 from tomo.uncertainty.part import SolveOf, slab, whole
-from tomo.uncertainty.residual_noise import Solve, fine_structure, noise_of_images, smoothed
+from tomo.uncertainty.residual_noise import (
+    MOST_FITTED,
+    Solve,
+    fine_structure,
+    noise_of_images,
+    smoothed,
+)
 from tomo.uncertainty.resolution import Resolution, resolution
 from tomo.uncertainty.warnings import trust_warnings
 
@@ -36,6 +42,8 @@ _DEVIATION_WORDS = (
     "views and wrong cameras are not included, nor noise that neighbouring pixels share, as in "
     "resampled images"
 )
+_KNOWN = "errors of a known answer"
+
 _RESOLUTION_WORDS = (
     "faint spots of one voxel are added to the images and the volume is solved again; the full "
     "width at half maximum of the change, with the pixels' width added in quadrature"
@@ -220,7 +228,7 @@ def assess(
     else:
         part = whole(system, solve if solve_of is None else solve_of(None, None))
     if progress:
-        progress(0, repeats + 1, "errors of a known answer")
+        progress(0, 1, _KNOWN)
     explained = (norm(noise) / (residual * size)) ** 2 if residual > 0 else 1.0
     unexplained = residual * math.sqrt(max(1 - explained, 0.0))
     kept = part.pixels(smoothed(system, measured - seen, KEPT))
@@ -244,9 +252,13 @@ def assess(
             system, measured, seen, noise, solve, repeats=repeats, seed=seed, progress=progress
         )
     else:
-        spread = deviations_of_pair(moved, volume, where, emission) / max(moved.remains, 0.5)
+        spread = deviations_of_pair(moved, volume, where, emission) / max(
+            moved.remains, 1 - MOST_FITTED
+        )
         values = active.compress(spread).astype(np.float32)
         deviations = Deviations(values, repeats, noise)
+    if progress:
+        progress(1, 1, _KNOWN)
     known = intervals(
         system,
         measured,

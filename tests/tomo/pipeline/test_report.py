@@ -62,7 +62,7 @@ def test_progress_is_reported_all_the_way(folder, method):
     if method == "auto":
         done, total, name = calls[-1]
         assert done == total
-        assert stage_of(name)[1] == "intervals: without some cameras"
+        assert stage_of(name)[1] == "errors of a known answer"
 
 
 SIRT = {"method": "sirt", "iterations": 5}
