@@ -57,7 +57,7 @@ def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float
     points, weight = _brightest(observation, volume)
     grid, rig = observation.grid, observation.rig
     step, span = 0.01 * min(grid.extent), max(grid.extent)
-    middle = np.asarray(grid.center)
+    middle, angle = np.asarray(grid.center), step / span
     modes = [points + step * axis for axis in np.eye(3)]
     modes += [points + step * np.cross(axis, points - middle) / span for axis in np.eye(3)]
     modes += [points + step * (points - middle) / span]
@@ -80,7 +80,8 @@ def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float
 
         columns = [np.r_[one, no], np.r_[no, one], np.r_[-y, x], np.r_[x, y]]
         for axis in (camera.R[1], camera.R[0]):  # the scene turns the other way
-            columns.append(change(points + step * np.cross(points - middle, axis) / radius) / step)
+            turned = points + angle * np.cross(points - middle, axis)
+            columns.append(change(turned) / (angle * radius))
         basis = np.stack(columns, axis=1)
         if not camera.has_pose:
             basis[:, 2:4] = 0

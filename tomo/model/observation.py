@@ -85,6 +85,14 @@ class Observation:
             masks.append(seen.reshape(mask.shape))
         return replace(self, masks=tuple(masks))
 
+    def in_powers_of_two(self, power: int) -> Observation:
+        """Return the observation in units of ``2**power``: single precision holds no extremes."""
+        images = tuple(np.ldexp(image, -power) for image in self.images)
+        unit = 2.0**power
+        noise = tuple(NoiseModel(one.read / unit, one.gain / unit) for one in self.noise)
+        gas = replace(self.absorption, emission=self.absorption.emission * unit)
+        return replace(self, images=images, noise=noise, absorption=gas)
+
     def __repr__(self) -> str:
         """Name the number of views and the grid."""
         return f"<Observation: {len(self.rig)} views, grid {self.grid.shape}>"

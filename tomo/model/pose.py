@@ -61,7 +61,11 @@ class Pose:
         parts = []
         for view, (camera, image) in enumerate(zip(at.observation.rig, at.images, strict=True)):
             x, y, radius = _frame(camera)
-            down, right = np.gradient(gaussian_filter(image, SMOOTHING))
+            smooth = gaussian_filter(image, SMOOTHING)
+            down, right = (  # an image of a single row or column has no slope across it
+                np.gradient(smooth, axis=axis) if n > 1 else np.zeros_like(smooth)
+                for axis, n in enumerate(smooth.shape)
+            )
             fields = (-right, -down, y * right - x * down, -x * right - y * down)
             start, stop = at.system.projector.view_ptr[view : view + 2]
             turns = np.stack([one[start:stop] for one in about]) / radius  # (3, rows)

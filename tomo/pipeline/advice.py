@@ -40,7 +40,7 @@ def dark_levels(
     """
     levels = dict(pixels.background) if pixels else {}
     if gains is not None:
-        for view in np.flatnonzero(np.abs(gains.offset) > NOTEWORTHY * gains.scale).tolist():
+        for view in _far(gains.offset, gains.offset_error, NOTEWORTHY * gains.scale).tolist():
             levels[names[view]] = float(gains.offset[view])
     return levels
 

@@ -178,13 +178,15 @@ def _inferred(
     coarse = Background().applied(observation.coarser(factor).in_sight, levels[:, None])
     if not coarse.brightest > 0:
         return screened
+    power = math.frexp(coarse.brightest)[1]
+    coarse = coarse.in_powers_of_two(power)
     active = _not_dark(coarse, options)
     if options.screen:
         moved = _in_place(screened, coarse, active)
         if moved is not None:
             return _inferred(moved, grid, options, known)
     found = infer(coarse, effects, active, _asked(options, effects), options.screen)
-    corrections = _corrections(found, observation, factor, levels)
+    corrections = _corrections(found, observation, factor, power, levels)
     seen = corrections.applied(observation)
     return replace(
         screened,
@@ -194,8 +196,8 @@ def _inferred(
         noise=seen.noise,
         corrections=corrections,
         findings=(*screened.findings, *_findings(found, corrections, observation)),
-        gains=_gains(found, corrections, observation),
-        emission=_emission(found, grid) if corrections.absorption.emission else None,
+        gains=_gains(found, corrections, observation, power),
+        emission=_emission(found, grid, power) if corrections.absorption.emission else None,
     )
 
 
@@ -249,11 +251,19 @@ def _not_dark(coarse: Observation, options: Options) -> ActiveVoxels | None:
 
 
 def _corrections(
-    found: Inference, observation: Observation, factor: int, levels: NDArray[np.float64]
+    found: Inference,
+    observation: Observation,
+    factor: int,
+    power: int,
+    levels: NDArray[np.float64],
 ) -> Corrections:
-    """Return what was found on the coarse copy, less ``levels``, for images as they are."""
+    """Return what was found for images as they are.
+
+    It was found on the coarse copy in units of ``2**power``, less ``levels``.
+    """
     values = {name: np.array(one) for name, one in found.state.values.items()}
-    if levels.any():
+    if "background" in values:
+        values["background"] *= 2.0**power
         values["background"][:, 0] += levels / np.exp(values["gain"][:, 0])
     for name, power in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
         if name in values:
@@ -274,21 +284,23 @@ def _corrections(
         observation.grid,
         found.effects,
         values,
-        fit.observation.absorption,
+        fit.observation.in_powers_of_two(-power).absorption,
         untrusted,
     )
 
 
-def _emission(found: Inference, grid: VoxelGrid) -> NDArray[np.float32]:
+def _emission(found: Inference, grid: VoxelGrid, power: int) -> NDArray[np.float32]:
     """Return the found emission in the voxels of a grid of the same box."""
     from scipy.ndimage import zoom
 
     coarse = found.state.fit.means
     ratio = np.divide(grid.shape, coarse.shape)
-    return zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True)
+    return np.ldexp(zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True), power)
 
 
-def _gains(found: Inference, corrections: Corrections, observation: Observation) -> Gains | None:
+def _gains(
+    found: Inference, corrections: Corrections, observation: Observation, power: int
+) -> Gains | None:
     """Return the gains and backgrounds that images were corrected by."""
     free = found.state.free
     if "gain" not in free:
@@ -304,7 +316,7 @@ def _gains(found: Inference, corrections: Corrections, observation: Observation)
         np.exp(gain),
         np.exp(gain) * level,
         np.exp(gain) * errors[0],
-        np.exp(gain) * errors[1],
+        np.exp(gain) * errors[1] * 2.0**power,
         observation.brightest,
         None if observation.sets_scale is None else np.array(observation.sets_scale),
     )
