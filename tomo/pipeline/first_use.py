@@ -10,6 +10,10 @@ from rigs import ring
 from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
+from tomo.inference.fit import first_fit
+from tomo.inference.null import exact_images
+from tomo.measurement import NoiseModel
+from tomo.model import Observation
 from tomo.operators import STORED, Projector
 from tomo.operators.attenuation import transmission
 from tomo.operators.on_the_fly import OnTheFlyProjector
@@ -39,15 +43,27 @@ def warm_up(tracer: str, form: str = STORED) -> float:
 
 def warm_up_stages(tracer: str, *, carving: bool) -> float:
     """Warm up the stages that will be used; return the seconds that it took."""
-    seconds = warm_up(tracer)
+    seconds = warm_up(tracer) + warm_up_inference()
     return seconds + (warm_up_carving() if carving else 0.0)
 
 
 def warm_up_carving() -> float:
     """Carve a small grid by three small views; return the seconds that it took."""
-    started = time.perf_counter()
-    cameras = tuple(ring(3, distance=50.0, image_size=(15, 15), footprint=1.0))
+    started, seen = time.perf_counter(), _spots()
+    carve(tuple(seen.rig), seen.images, None, seen.grid)
+    return time.perf_counter() - started
+
+
+def warm_up_inference() -> float:
+    """Fit three small views, and draw a null of them; return the seconds that it took."""
+    started, seen = time.perf_counter(), _spots()
+    exact_images(seen, first_fit(seen).means, 0)
+    return time.perf_counter() - started
+
+
+def _spots() -> Observation:
+    rig = ring(3, distance=50.0, image_size=(15, 15), footprint=1.0)
     place = np.linspace(-3, 3, 15)
     spot = np.exp(-(place**2) - place[:, None] ** 2).astype(np.float32)  # no hot pixel: as wide
-    carve(cameras, [spot] * 3, None, VoxelGrid((8, 8, 8), 1.0))
-    return time.perf_counter() - started
+    mask, noise = np.ones(spot.shape, bool), NoiseModel(0.01, 0.0)
+    return Observation(rig, (spot,) * 3, (mask,) * 3, (noise,) * 3, VoxelGrid((8, 8, 8), 1.0))

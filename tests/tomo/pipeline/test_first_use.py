@@ -39,4 +39,4 @@ def test_nothing_is_compiled_while_a_reconstruction_is_timed(folder):
         text=True,
     )
     assert run.returncode == 0, run.stderr
-    assert run.stdout.split() == []
+    assert run.stdout.split() == [], run.stdout
