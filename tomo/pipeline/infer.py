@@ -265,9 +265,9 @@ def _corrections(
     if "background" in values:
         values["background"] *= 2.0**power
         values["background"][:, 0] += levels / np.exp(values["gain"][:, 0])
-    for name, power in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
+    for name, order in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
         if name in values:
-            values[name] *= factor**power
+            values[name] *= factor**order
     fit, untrusted = found.state.fit, {}
     lost = fit.system.images((~fit.usable).astype(np.float32))
     for name, mask, image, hidden in zip(
