@@ -58,6 +58,10 @@ STEPS = 8
 RIVAL = 0.5
 """Score over its limit from which an effect competes for a view that something is wrong with."""
 
+ALIKE = 0.9
+"""Cost of light from around the grid over that of backgrounds, below which it is taken: voxels
+around the grid explain an even background as well, with many more unknowns."""
+
 TRIED = 3
 """Gauss-Newton steps of an effect that others compete with: fewer stop far from large faults."""
 
@@ -242,14 +246,13 @@ class _Search:
         most, for its prior, is taken.
         """
         largest = {name: float(one.max()) for name, one in ratio.items()}
-        effects = {name: one for name, one in largest.items() if name != HIDDEN}
-        best = max(effects, key=effects.__getitem__)
-        if best == OUTSIDE and largest[best] >= largest[HIDDEN]:
-            return self.relaxed(replace(state, fit=with_surroundings(state.fit)))
-        over = ratio[best] >= 1
-        if over.mean() > 0.5:
-            return self.relaxed(self._loose(state, best, np.full(len(over), True)))
-        worst = max(largest, key=largest.__getitem__)
+        if largest[OUTSIDE] >= max(largest.values()):
+            return self._around(state)
+        own = [name for name in self.deviation if (ratio[name] >= 1).mean() > 0.5]
+        if own:
+            best = max(own, key=largest.__getitem__)
+            return self.relaxed(self._loose(state, best, np.full(len(state.hidden), True)))
+        worst = max((n for n in largest if n != OUTSIDE), key=largest.__getitem__)
         view = ratio[worst] >= largest[worst]
         names = [n for n in self.deviation if (ratio[n] >= RIVAL)[view].any()]
         trials = {name: self._loose(state, name, view) for name in names}
@@ -262,6 +265,16 @@ class _Search:
         cost = {n: _disagreement(s.fit, scale) + self._prior(s.values) for n, s in tried.items()}
         least = min(cost, key=cost.__getitem__)
         return tried[HIDDEN] if least == HIDDEN else self.relaxed(tried[least])
+
+    def _around(self, state: State) -> State:
+        """Return the state with light from around the grid, or with backgrounds if these do."""
+        around = self.relaxed(replace(state, fit=with_surroundings(state.fit)))
+        if "background" not in self.deviation:
+            return around
+        level = self.relaxed(self._loose(state, "background", np.full(len(state.hidden), True)))
+        scale = min(_scale(around.fit), _scale(level.fit))
+        cost = [_disagreement(one.fit, scale) + self._prior(one.values) for one in (around, level)]
+        return around if cost[0] < ALIKE * cost[1] else level
 
     def _loose(self, state: State, name: str, views: NDArray[np.bool_]) -> State:
         """Return the state with an effect let loose, all usable pixels of its views trusted."""

@@ -45,7 +45,7 @@ WEAKER = 2
 """How many half decades weaker a prior a basis as wide as a voxel asks for."""
 
 HOPELESS = 1.3
-"""Residual of a width's first fit, as a multiple of the best, above which no other strength is
+"""Residual of a width's first fits, as a multiple of the best, above which no other strength is
 tried. A lower one gives up widths that would have won, a higher one costs fits."""
 
 CLOSE, QUICK, FINALISTS = 1.02, 15, 4
@@ -215,14 +215,13 @@ def _search(fits: Fits) -> None:
     for step in (1, -1):
         at = WIDTHS.index(best.width) + step
         while 0 <= at < len(WIDTHS):
-            known = fits.of_width(WIDTHS[at])
-            if known is not None and known.error > HOPELESS**2 * best.error:
-                break
             # wider blobs are smooth by themselves and ask for a weaker prior, narrower ones not
             number = STRENGTHS.index(best.strength) - step
             fits.at(WIDTHS[at], STRENGTHS[min(max(number, 0), len(STRENGTHS) - 1)])
             begin = fits.of_width(WIDTHS[at])
             assert begin is not None
+            if begin.error > HOPELESS**2 * best.error:
+                break
             found = _of_width(fits, begin, (-step, step))
             if found.error >= best.error:
                 break
