@@ -111,11 +111,13 @@ def equations_of(
         masks=observation.masks,
         active=active,
         skip=False,  # the same pixels wherever cameras look
+        supersample=observation.supersample,
         form="stored",
-    ).with_linear_basis(variances=observation.blur)
+    ).with_linear_basis(observation.supersample, observation.blur)
     if not observation.absorption:
         return system
-    return system.with_absorption(observation.absorption, means)
+    several = {"supersample": observation.supersample}
+    return system.with_absorption(observation.absorption, means, **several)
 
 
 def first_fit(

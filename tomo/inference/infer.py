@@ -85,12 +85,15 @@ class State:
         Those that were let loose.
     hidden : (views,) bool
         The views of which pixels are left out that nothing explains.
+    is_dark_around : bool
+        Whether backgrounds explain what light from around the grid would.
     """
 
     fit: Fit
     values: Values
     free: dict[str, NDArray[np.bool_]]
     hidden: NDArray[np.bool_]
+    is_dark_around: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -210,7 +213,7 @@ class _Search:
                 score = np.where(state.free[name], 0, size / np.hypot(spread, least))
                 found[name] = score.max(axis=1) / self.own_limit
         found[OUTSIDE] = np.zeros(views)
-        if self.look_outside and state.fit.around is None:
+        if self.look_outside and state.fit.around is None and not state.is_dark_around:
             found[OUTSIDE][:] = self._outside(steps)
         hidden, few = steps.hidden, LEAST[HIDDEN]
         often = self.null(steps).hidden() if (hidden > self.own_limit * few).any() else 0.0
@@ -274,7 +277,7 @@ class _Search:
         level = self.relaxed(self._loose(state, "background", np.full(len(state.hidden), True)))
         scale = min(_scale(around.fit), _scale(level.fit))
         cost = [_disagreement(one.fit, scale) + self._prior(one.values) for one in (around, level)]
-        return around if cost[0] < ALIKE * cost[1] else level
+        return around if cost[0] < ALIKE * cost[1] else replace(level, is_dark_around=True)
 
     def _loose(self, state: State, name: str, views: NDArray[np.bool_]) -> State:
         """Return the state with an effect let loose, all usable pixels of its views trusted."""

@@ -53,7 +53,8 @@ class Absorbing:
         means = at.system.projector.voxel_means(
             active.expand(at.unknowns).reshape(active.grid.shape)
         )
-        absorbing = at.system.with_absorption(more.absorption, means)
+        several = {"supersample": at.observation.supersample}
+        absorbing = at.system.with_absorption(more.absorption, means, **several)
         return (np.asarray(absorbing.projector @ at.unknowns, np.float64) - at.pixels)[None] / STEP
 
     def applied(self, observation: Observation, values: NDArray[np.float64]) -> Observation:

@@ -26,7 +26,7 @@ def without_gauge(
     volume: NDArray,
     free: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> dict[str, NDArray[np.float64]]:
-    """Return effects without a common gain, and without a motion or growth of the scene.
+    """Return effects without a common gain or blur, and without a motion or growth of the scene.
 
     Where single views may be wrong, the sum of the views' lengths is made least, so that one may
     be far off and the others right; the median of the gains is one. Where ``free`` says that most
@@ -38,9 +38,10 @@ def without_gauge(
         name: free is None or bool(free[name].any(axis=1).sum() > len(observation.rig) / 2)
         for name in found
     }
-    if "gain" in found and most["gain"]:
-        sure = observation.sets_scale or (True,) * len(observation.rig)
-        found["gain"] = found["gain"] - np.median(found["gain"][list(sure)])
+    sure = list(observation.sets_scale or (True,) * len(observation.rig))
+    for name in {"gain", "blur"} & set(found):
+        if most[name]:
+            found[name] = found[name] - np.median(found[name][sure])
     if "pose" in found and most["pose"] and found["pose"].any():
         motions = scene_motions(observation, volume)
         rounds = REWEIGHTINGS if free is None else 1

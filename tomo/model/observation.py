@@ -17,6 +17,10 @@ from tomo.scan.downsample import Coarser
 Images = tuple[NDArray[np.float32], ...]
 Masks = tuple[NDArray[np.bool_], ...]
 
+MOST_RAYS = 2
+"""Rays along each side of an enlarged pixel, at most: of one ray each, coarse pixels sample thin
+flames unevenly, which looks like gains; more take longer."""
+
 BRIGHT = 99.8
 """Percentile of an image's pixels that counts as its brightest. Higher, hot pixels decide; lower,
 small flames in large images count as dark."""
@@ -42,6 +46,8 @@ class Observation:
         The cameras whose gains have the mean 1, those of calibrated brightness; all when None.
     blur : tuple of float, optional
         The variance of each image's blur, in squared pixels; 0 when None.
+    supersample : int
+        Rays along each side of a pixel.
     """
 
     rig: Rig
@@ -52,6 +58,7 @@ class Observation:
     absorption: Absorption = TRANSPARENT
     sets_scale: tuple[bool, ...] | None = None
     blur: tuple[float, ...] | None = None
+    supersample: int = 1
 
     @cached_property
     def brightest(self) -> float:
@@ -71,6 +78,7 @@ class Observation:
         return replace(
             self, rig=found.rig, images=found.images, masks=found.masks, noise=noise,
             grid=found.grid,
+            supersample=min(factor, MOST_RAYS),
         )  # fmt: skip
 
     @property
