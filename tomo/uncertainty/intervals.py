@@ -158,8 +158,8 @@ def intervals(
     that of their re-projections, and `LIGHT` times the unexplained part. An edge moves as the sums
     beside it change, over their slope.
     """
-    if np.count_nonzero(where) < FEWEST:
-        return None
+    if np.count_nonzero(where) < FEWEST or not moved.truth[where].sum() > 0:
+        return None  # in a grid of one layer a moved answer has left it
     active = system.projector.active
     errors = [DETAIL * moved.structure + sign * moved.noise for sign in (1, -1)]
     off = float(np.sqrt(np.mean([np.mean(error[where] ** 2) for error in errors])))
