@@ -302,29 +302,36 @@ class _Search:
         return replace(state, fit=fit, hidden=state.hidden | views)
 
     def relaxed(self, state: State, steps: int = STEPS) -> State:
-        """Return the state after Gauss-Newton steps of all that is loose."""
-        fit, values = state.fit, state.values
+        """Return the state after Gauss-Newton steps of all that is loose, while they help."""
+        best, least, scale = state, np.inf, 0.0
         for _ in range(steps):
-            step = next_fit(fit, self.effects, free=state.free, values=values)
-            moved = {}
-            for effect in self.effects:
-                change = step.values[effect.name]
-                if effect.shared and change.any():  # to where one more step is the null's
-                    change = change - self.bias.get(effect.name, 0.0)
-                least = 0.0 if effect.positive else -np.inf
-                most = PLAUSIBLE * self.deviation[effect.name] if effect.shared else np.inf
-                moved[effect.name] = np.clip(values[effect.name] + change, least, most)
-            moved = without_gauge(moved, self.observation, step.means, state.free)
-            size = max(
-                float(np.abs((moved[n] - values[n]) / self.deviation[n]).max()) for n in moved
-            )
-            values = moved
-            seen = corrected(self.observation, self.effects, values)
-            fit = continued(step, seen, self.active)
-            fit = with_trust(next_fit(fit))
+            state, size = self._stepped(state)
+            scale = scale or _scale(state.fit)
+            cost = _disagreement(state.fit, scale) + self._prior(state.values)
+            if cost > least:
+                break
+            best, least = state, cost
             if size < NEGLIGIBLE:
                 break
-        return replace(state, fit=fit, values=values)
+        return best
+
+    def _stepped(self, state: State) -> tuple[State, float]:
+        """Return the state after one step, and the largest change in deviations of its prior."""
+        values = state.values
+        step = next_fit(state.fit, self.effects, free=state.free, values=values)
+        moved = {}
+        for effect in self.effects:
+            change = step.values[effect.name]
+            if effect.shared and change.any():  # to where one more step is the null's
+                change = change - self.bias.get(effect.name, 0.0)
+            least = 0.0 if effect.positive else -np.inf
+            most = PLAUSIBLE * self.deviation[effect.name] if effect.shared else np.inf
+            moved[effect.name] = np.clip(values[effect.name] + change, least, most)
+        moved = without_gauge(moved, self.observation, step.means, state.free)
+        sizes = [np.abs((moved[n] - values[n]) / self.deviation[n]).max() for n in moved]
+        seen = corrected(self.observation, self.effects, moved)
+        fit = with_trust(next_fit(continued(step, seen, self.active)))
+        return replace(state, fit=fit, values=moved), float(max(sizes))
 
 
 def corrected(observation: Observation, effects: Sequence[Effect], values: Values) -> Observation:

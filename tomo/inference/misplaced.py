@@ -89,9 +89,16 @@ def _of_view(observation: Observation, view: int, active: ActiveVoxels | None) -
     for other, image in enumerate(observation.images):
         if other != view and image.shape == own.shape:
             error = _error(image, seen, mask & observation.masks[other])
-            if error < least:
+            if error < least and _suits(observation, view, other, rest.means):
                 least, found = error, Misplaced(view, other=other)
     return found
+
+
+def _suits(observation: Observation, view: int, other: int, volume: NDArray[np.float32]) -> bool:
+    """Return whether a view's image is more like the other view's prediction than its own is."""
+    seen, mask = _predicted(observation, other, volume), observation.masks[other]
+    own, foreign = observation.images[other], observation.images[view]
+    return _error(foreign, seen, mask & observation.masks[view]) < _error(own, seen, mask)
 
 
 def _predicted(
