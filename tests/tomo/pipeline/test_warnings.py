@@ -19,7 +19,8 @@ pytestmark = pytest.mark.usefixtures("quick_choices")
 
 DEEDS = {
     "add", "aim", "average", "calibrate", "check", "correct", "do", "enlarge", "expose", "give",
-    "if", "leave", "let", "look", "mask", "reconstruct", "run", "see", "subtract", "to", "use", "where",
+    "if", "leave", "let", "look", "mask", "reconstruct", "run", "see", "subtract", "to", "use",
+    "where",
 }  # fmt: skip
 """Words that advice begins with."""
 
