@@ -49,6 +49,10 @@ COARSEST = 16
 FEWEST_VIEWS = 3
 """Views that effects need at least: whatever is wrong, some volume reproduces two."""
 
+UNKNOWN_GAIN = 1.0
+"""Prior standard deviation of the gains' logarithms where their fit is asked for: that of `Gain`
+pulls gains of 4 down by a hundredth."""
+
 MOST_HIDDEN = 0.5
 """Fraction of a camera's pixels that nothing explains, from which it is left out."""
 
@@ -62,8 +66,8 @@ def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect
     """Return the effects that options let loose, for pixels ``factor`` times as wide."""
     found: list[Effect] = []
     default = method_named(options.method).name == AUTO
-    if options.screen and options.fit_gain is not False:
-        found += [Gain(), Background()]
+    if options.fit_gain or (options.screen and options.fit_gain is None):
+        found += [Gain(UNKNOWN_GAIN) if options.fit_gain else Gain(), Background()]
     if options.screen and default:
         found.append(FallOff())
         if not options.blur and options.aperture_rays == 1:
