@@ -349,7 +349,8 @@ def _findings(
     for view in np.flatnonzero(state.hidden):
         fraction = float(corrections.untrusted[names[view]].mean())
         most = float(found.scores["hidden"][view])
-        said.append(Finding("hidden", names[view], fraction, unit="%", score=most))
+        if fraction > 0:  # many pixels that are doubted a little are not left out
+            said.append(Finding("hidden", names[view], fraction, unit="%", score=most))
     if found.has_outside:
         most = float(found.scores["outside"].max())
         size = state.fit.light_outside

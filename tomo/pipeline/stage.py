@@ -64,7 +64,7 @@ def as_warning(step: str, warnings: list[str]) -> Iterator[None]:
     try:
         yield
     except Exception as error:  # hours may have gone into the volume
-        reason = " ".join(str(error).split())
+        reason = " ".join(str(error).split()).rstrip(".")
         if not (reason and isinstance(error, (ValueError, RuntimeError))):
             reason = f"{type(error).__name__}: {reason}".removesuffix(": ")
         warnings.append(f"{step}: {reason}. {UNAFFECTED}")
