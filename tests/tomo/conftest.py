@@ -11,12 +11,16 @@ import numpy as np
 import pytest
 
 import rigs
+from phantoms import GaussianBlobs
 from tomo.grid import VoxelGrid
+from tomo.measurement import estimate_noise
+from tomo.model import Observation
 from tomo.operators import Projector
 from tomo.rays import Rays
 from tomo.series import SeriesStore
 from tomo.series.solving import SKIPPED, FrameResult
 from tomo.series.store import CAMERA_FIGURES
+from tomo.simulation import simulate_images
 from tomo.trace import Segments, trace
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
@@ -92,6 +96,28 @@ def supersampled(ring_system):
         truth=ring_system.truth,
         measured=projector @ ring_system.truth.ravel(),
     )
+
+
+@pytest.fixture(scope="session")
+def observed():
+    """Return what six cameras around three blobs of light observe, and the mean emission."""
+    grid = VoxelGrid((12, 16, 12), 1.0)
+    field = GaussianBlobs(
+        [[1.0, -1.0, -0.6], [-1.5, 2.0, 1.6], [0.6, -3.0, 1.2]], [1.3, 1.2, 0.9], [1.0, 0.8, 0.9]
+    )
+    rig = rigs.ring(
+        6,
+        distance=200.0,
+        image_size=(36, 48),
+        footprint=0.6,
+        pitch_degrees=[12.0, -14.0] * 3,
+        start_degrees=11.0,  # rays along voxel faces show steps
+    )
+    made = simulate_images(rig, field, grid, supersample=2, refine=3, noise=0.005)
+    images = tuple(made.images.values())
+    masks = tuple(np.ones(image.shape, bool) for image in images)
+    noise = tuple(map(estimate_noise, images, masks))
+    return Observation(rig, images, masks, noise, grid), made.truth
 
 
 @pytest.fixture(scope="session")

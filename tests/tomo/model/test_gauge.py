@@ -1,0 +1,60 @@
+"""Motions of the whole scene are no motion of cameras; that of one camera is."""
+
+import numpy as np
+import pytest
+
+from tomo.model import without_gauge
+from tomo.model.gauge import scene_motions
+from tomo.model.pose import moved
+
+ONE = np.array([1.5, -1.0, 0.4, -0.6, 0.8, 0.3])
+
+
+@pytest.fixture(scope="module")
+def motions(observed):
+    return scene_motions(*observed)
+
+
+@pytest.mark.parametrize("mode", range(7))
+def test_a_moved_scene_looks_like_moved_cameras(observed, motions, mode):
+    observation, truth = observed
+    step, span = 0.01 * min(observation.grid.extent), max(observation.grid.extent)
+    brightest = np.argsort(truth.ravel())[-50:]
+    points = observation.grid.centers().reshape(-1, 3)[brightest]
+    if mode < 3:
+        there = points + step * np.eye(3)[mode]
+    elif mode < 6:
+        there = points + step * np.cross(np.eye(3)[mode - 3], points) / span
+    else:
+        there = points + step * points / span
+    for camera, motion in zip(observation.rig, motions[..., mode], strict=True):
+        seen = moved(camera, motion, np.zeros(3)).project(points)[0]
+        change = camera.project(there)[0] - camera.project(points)[0]
+        far = np.abs(change).max()
+        np.testing.assert_allclose(seen - camera.project(points)[0], change, atol=0.1 * far)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_common_motion_goes_and_one_cameras_stays(observed, motions, seed):
+    sizes = np.random.default_rng(seed).normal(size=7)
+    common = motions @ sizes / np.abs(motions @ sizes).max()
+    free = {"pose": np.ones((6, 6), bool)}
+    for may in (None, free):
+        left = without_gauge({"pose": common}, *observed, may)["pose"]
+        np.testing.assert_allclose(left, 0, atol=1e-3)
+    own = np.zeros((6, 6))
+    own[2] = ONE
+    left = without_gauge({"pose": common + own}, *observed)["pose"]
+    np.testing.assert_allclose(left, own, atol=0.1)
+
+
+def test_a_gauge_is_taken_out_where_most_views_are_free(observed):
+    own, free = np.zeros((6, 6)), {"pose": np.zeros((6, 6), bool)}
+    own[2], free["pose"][2] = ONE, True
+    np.testing.assert_array_equal(without_gauge({"pose": own}, *observed, free)["pose"], own)
+
+
+def test_the_median_gain_is_one(observed):
+    gain = np.array([[0.1], [0.12], [0.1], [0.5], [0.1], [-0.2]])
+    found = without_gauge({"gain": gain}, *observed)["gain"]
+    np.testing.assert_allclose(found, gain - 0.1)
