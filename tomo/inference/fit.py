@@ -125,9 +125,13 @@ def first_fit(
     active: ActiveVoxels | None = None,
     volume: NDArray | None = None,
     rounds: int = 2,
+    system: LinearSystem | None = None,
 ) -> Fit:
-    """Return a fit of voxels alone, with robust weights, from a few MLEM updates or a volume."""
-    system = equations_of(observation, active, volume)
+    """Return a fit of voxels alone, with robust weights, from a few MLEM updates or a volume.
+
+    ``system`` are the equations where they are known.
+    """
+    system = system or equations_of(observation, active, volume)
     projector = system.projector
     measured = system.flatten(list(observation.images))
     if volume is None:

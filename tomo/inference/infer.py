@@ -131,6 +131,7 @@ def infer(
     active: ActiveVoxels | None = None,
     asked: Sequence[str] = (),
     look_outside: bool = True,
+    first: Fit | None = None,
 ) -> Inference:
     """Return the effects that exceed their null, found together with the voxels.
 
@@ -145,11 +146,13 @@ def infer(
         Effects that are let loose whatever their score.
     look_outside : bool
         Whether light may come from around the grid.
+    first : Fit, optional
+        See `tomo.inference.fit.first_fit`, where it is known.
     """
     views = len(observation.rig)
     none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
     free = {n: np.full(v.shape, n in asked) for n, v in none.items()}
-    first = first_fit(observation, active)
+    first = first or first_fit(observation, active)
     state = State(first, none, free, np.zeros(views, bool))
     search = _Search(observation, tuple(effects), active, look_outside)
     if asked:

@@ -14,6 +14,10 @@ from tomo._compute.reductions import dot
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import RelativeCurvature
 
+LONGER, SHORTEST = 1.5, 0.1
+"""A step as a multiple of the one before, and at least: a longer guess is clipped where a shorter
+one would not be, a shorter one does not reach the lowest objective."""
+
 
 class Unknowns(NamedTuple):
     """Voxels, voxels around the grid, parameters of the views, and those that views share.
@@ -68,22 +72,25 @@ class Joint:
     outside_strength: float = 0.0
 
     @cached_property
-    def _of_view(self) -> NDArray[np.int64]:
-        return np.repeat(np.arange(self.operator.n_views), np.diff(self.operator.view_ptr))
+    def _views(self) -> list[slice]:
+        """The pixels of each view."""
+        ptr = self.operator.view_ptr
+        return [slice(a, b) for a, b in zip(ptr[:-1].tolist(), ptr[1:].tolist(), strict=True)]
 
-    def view_sums(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return the sums over each view's pixels, ``(k, views)`` of ``(k, pixels)``."""
-        before = np.zeros((len(values), values.shape[1] + 1))
-        np.cumsum(values, axis=1, out=before[:, 1:])
-        return np.diff(before[:, self.operator.view_ptr], axis=1)
+    def view_sums(self, values: NDArray[np.float64], pixels: NDArray) -> NDArray[np.float64]:
+        """Return the inner products over each view, ``(k, views)`` of ``(k, pixels)``."""
+        found = np.zeros((len(values), len(self._views)))
+        for view, own in enumerate(self._views if len(values) else ()):
+            found[:, view] = np.einsum("kp,p->k", values[:, own], pixels[own])
+        return found
 
     def forward(self, z: Unknowns) -> NDArray[np.float64]:
         """Return ``A x + B o + T t``, ``(pixels,)``."""
         pixels = np.asarray(self.operator @ z.voxels.astype(np.float32), np.float64)
         if self.outside is not None:
             pixels = pixels + np.asarray(self.outside @ z.outside.astype(np.float32), np.float64)
-        for column, values in zip(self.own, z.own, strict=True):
-            pixels = pixels + column * values[self._of_view]
+        for view, own in enumerate(self._views if len(self.own) else ()):
+            pixels[own] += np.einsum("kp,k->p", self.own[:, own], z.own[:, view])
         for column, value in zip(self.shared, z.shared, strict=True):
             pixels = pixels + column * value
         return pixels
@@ -95,8 +102,8 @@ class Joint:
         return Unknowns(
             np.asarray(self.operator.T @ single, np.float64),
             np.asarray(outside, np.float64),
-            self.view_sums(self.own * pixels),
-            self.shared @ pixels,
+            self.view_sums(self.own, pixels),
+            np.einsum("kp,p->k", self.shared, pixels),
         )
 
     def _bent(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -136,9 +143,9 @@ class Joint:
         k = len(self.own)
         grams = np.zeros((self.operator.n_views, k, k))
         for n, column in enumerate(self.own):
-            grams[:, n] = self.view_sums(self.own * (self.weights * column)).T
+            grams[:, n] = self.view_sums(self.own, self.weights * column).T
         blocks = np.asarray(np.linalg.inv(grams + np.eye(k)), np.float64)
-        gram = (self.shared * self.weights) @ self.shared.T
+        gram = np.einsum("kp,p,lp->kl", self.shared, self.weights, self.shared)
         common = np.linalg.inv(gram + np.eye(len(gram)))
 
         def apply(g: Unknowns, free: Unknowns) -> Unknowns:
@@ -151,44 +158,43 @@ class Joint:
 
         return apply
 
-    def solve(self, b: NDArray, z: Unknowns, iterations: int) -> tuple[Unknowns, NDArray]:
+    def solve(
+        self, b: NDArray[np.float64], z: Unknowns, iterations: int
+    ) -> tuple[Unknowns, NDArray[np.float64]]:
         """Return the unknowns after some iterations of projected conjugate gradients from ``z``.
 
         Also returns the residual ``b - A x - B o - T t``, ``(pixels,)``.
+
+        Notes
+        -----
+        Each takes one product with the operator and one with its adjoint: the step is guessed
+        from the one before, clipped to feasible unknowns, and shortened to the lowest objective.
         """
         precondition = self._preconditioner()
         residual = b - self.forward(z)
-        direction, old = z, None
-        for _ in range(iterations):
+        direction, steep, size, step = z, z, 0.0, 0.0
+        for number in range(iterations):
             g = self._downhill(z, residual)
             free = _free(z, g)
+            before, size_before = steep, size
             steep = precondition(g, free)
             size = g.dot(steep)
             if not size > 0:
                 break
-            if old is None:
+            if number == 0:
                 direction = steep
+                image = self.forward(direction)
+                step = size / self._energy(direction, image)
             else:
-                turn = max(0.0, (size - g.dot(old[0])) / old[1])
+                turn = max(0.0, (size - g.dot(before)) / size_before)
                 kept = Unknowns(*(a * b for a, b in zip(direction, free, strict=True)))
-                direction = steep.plus(turn, kept)
-            old = steep, size
-            image = self.forward(direction)
-            step = g.dot(direction) / self._energy(direction, image)
-            if not step > 0:
-                break
-            new = _feasible(z.plus(step, direction))
-            change = new.plus(-1.0, z)
-            if np.array_equal(new.voxels, z.voxels + step * direction.voxels) and np.array_equal(
-                new.outside, z.outside + step * direction.outside
-            ):
-                image = step * image
-            else:
-                image = self.forward(change)
-                energy = self._energy(change, image)
-                shorter = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
-                new, image = _feasible(z.plus(shorter, change)), shorter * image
-            z, residual = new, residual - image
+                direction, step = steep.plus(turn, kept), LONGER * step
+            change = _feasible(z.plus(step, direction)).plus(-1.0, z)
+            image = self.forward(change)
+            energy = self._energy(change, image)
+            shorter = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
+            z, residual = _feasible(z.plus(shorter, change)), residual - shorter * image
+            step = max(shorter, SHORTEST) * step
         return z, residual
 
 

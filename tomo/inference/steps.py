@@ -88,7 +88,10 @@ class Null:
         self._drawn = []
         for turn in range(DRAWN):
             made = exact_images(fit.observation, fit.means, turn, active)
-            self._drawn.append(Steps(first_fit(*made, rounds=1), effects, none))
+            same = made[1] is active and not fit.observation.absorption.emission
+            system = fit.system if same else None
+            drawn = first_fit(*made, rounds=1, system=system)
+            self._drawn.append(Steps(drawn, effects, none))
         misfit = float(np.mean([one.misfit for one in self._drawn]))
         self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300))
 

@@ -14,7 +14,7 @@ from rigs.progress import Progress
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.inference.finding import Finding
-from tomo.inference.fit import first_fit
+from tomo.inference.fit import Fit, first_fit
 from tomo.inference.infer import Inference, infer
 from tomo.inference.misplaced import TURNS, find_misplaced
 from tomo.inference.steps import distrust
@@ -185,11 +185,12 @@ def _inferred(
     power = math.frexp(coarse.brightest)[1]
     coarse = coarse.in_powers_of_two(power)
     active = _not_dark(coarse, options)
+    first = first_fit(coarse, active)
     if options.screen:
-        moved = _in_place(screened, coarse, active)
+        moved = _in_place(screened, coarse, first, active)
         if moved is not None:
             return _inferred(moved, grid, options, known)
-    found = infer(coarse, effects, active, _asked(options, effects), options.screen)
+    found = infer(coarse, effects, active, _asked(options, effects), options.screen, first)
     corrections = _corrections(found, observation, factor, power, levels)
     seen = corrections.applied(observation)
     return replace(
@@ -206,10 +207,10 @@ def _inferred(
 
 
 def _in_place(
-    screened: ScreenedScan, coarse: Observation, active: ActiveVoxels | None
+    screened: ScreenedScan, coarse: Observation, first: Fit, active: ActiveVoxels | None
 ) -> ScreenedScan | None:
     """Return the images with one that was turned over, or another camera's, in its place."""
-    found = find_misplaced(coarse, distrust(first_fit(coarse, active)), active)
+    found = find_misplaced(coarse, distrust(first), active)
     if found is None or len(screened.findings) >= len(coarse.rig):
         return None
     names, images, masks = coarse.rig.names, list(screened.images), list(screened.masks)

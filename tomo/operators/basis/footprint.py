@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 import scipy.optimize
@@ -138,7 +139,13 @@ def _kernel_of(camera: CameraLike, grid: VoxelGrid, supersample: int) -> Kernel:
             f"basis: camera {camera.name}: found the grid's centre out of its sight, expected it "
             "ahead"
         )
-    return footprint_kernel(edges, supersample)
+    return _kept_kernel(tuple(edges.ravel().tolist()), supersample)
+
+
+@lru_cache(maxsize=256)
+def _kept_kernel(edges: tuple[float, ...], supersample: int) -> Kernel:
+    """Return a kernel; the last ones are kept, since the same cameras are asked for again."""
+    return footprint_kernel(np.reshape(edges, (3, 2)), supersample)
 
 
 def _by_pinhole(
