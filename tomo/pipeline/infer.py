@@ -78,7 +78,7 @@ def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect
             found.append(Absorbing(own=False))
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
-    if options.align:
+    if options.align and options.refine_cameras in (None, ("none",)):  # else that moves cameras
         found.append(Pose(Pose.sigma / factor))
     return tuple(found)
 
