@@ -9,8 +9,8 @@ from sphinx.transforms.post_transforms import SphinxPostTransform
 PAGE = "reference/glossary"
 # Terms that pages also use as everyday words: a link would mislead.
 EVERYDAY = frozenset({
-    "background", "chunk", "fold", "frame", "grid", "offset", "path", "resolution", "scan",
-    "scene", "view",
+    "background", "chunk", "effect", "finding", "fold", "frame", "grid", "null", "offset", "path",
+    "resolution", "scan", "scene", "score", "trust", "view",
 })  # fmt: skip
 NOT_IN = (nodes.reference, nodes.title, nodes.literal, nodes.term, nodes.rubric, nodes.table)
 
