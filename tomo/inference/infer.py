@@ -41,6 +41,8 @@ NEGLIGIBLE = 0.1
 """Size of an effect, in standard deviations of its prior, that is never told from voxels."""
 
 OUTSIDE, HIDDEN = "outside", "hidden"
+ALL = -1
+"""Stands for all views."""
 
 LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002}
 """The same for light from outside, a fraction of all, and for pixels that nothing explains."""
@@ -163,6 +165,8 @@ def infer(
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
         state = search.adapted(state, ratio)
+    if state is not given:
+        state = search.pruned(state, asked)
     if state is not given and surely_worse(state.fit, given.fit):
         state = given
     return Inference(observation, tuple(effects), state, search.highest, search.spread)
@@ -234,7 +238,7 @@ class _Search:
         if value <= 0:  # the wrong sign is no evidence, whatever the null
             return 0.0
         mean, spread = self.null(steps).of(lambda one: one.shared(effect))
-        self.bias[effect.name] = mean
+        self.bias[effect.name], self.spread[effect.name] = mean, np.array([spread])
         return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit
 
     def _outside(self, steps: Steps) -> float:
@@ -247,30 +251,49 @@ class _Search:
     def adapted(self, state: State, ratio: Mapping[str, NDArray[np.float64]]) -> State:
         """Return the state with what explains the view better that exceeds its null most.
 
-        An effect of most views is let loose in all of them. For a single view all effects
-        compete that may be it, and leaving out the pixels that lost their weight: what explains
-        most, for its prior, is taken.
+        An effect of most views is let loose in all of them. It competes with what may be wrong
+        with the most doubtful single view: the effects that exceed their null there, and leaving
+        out the pixels that lost their weight. What explains most, for its prior, is taken.
         """
         largest = {name: float(one.max()) for name, one in ratio.items()}
         if largest[OUTSIDE] >= max(largest.values()):
             return self._around(state)
-        own = [name for name in self.deviation if (ratio[name] >= 1).mean() > 0.5]
-        if own:
-            best = max(own, key=largest.__getitem__)
-            return self.relaxed(self._loose(state, best, np.full(len(state.hidden), True)))
         worst = max((n for n in largest if n != OUTSIDE), key=largest.__getitem__)
-        view = ratio[worst] >= largest[worst]
-        names = [n for n in self.deviation if (ratio[n] >= RIVAL)[view].any()]
-        trials = {name: self._loose(state, name, view) for name in names}
-        if names == [worst] and not (ratio[HIDDEN] >= RIVAL)[view].any():
-            return self.relaxed(trials[worst])
-        tried = {name: self.relaxed(trial, TRIED) for name, trial in trials.items()}
-        if (ratio[HIDDEN] >= RIVAL)[view].any():
-            tried[HIDDEN] = self.without_hidden(state, view)
+        trials = {}
+        if worst != HIDDEN and (ratio[worst] >= 1).mean() > 0.5:
+            trials[worst, ALL] = self._loose(state, worst, np.full(len(state.hidden), True))
+        own = {e.name for e in self.effects if not e.shared}
+        single = {n: ratio[n] for n in (own | {HIDDEN}) - ({worst} if trials else set())}
+        most = max(single, key=lambda name: (single[name].max(), name))
+        view = int(np.argmax(single[most]))
+        if not trials or single[most][view] >= 1:
+            only = np.arange(len(state.hidden)) == view
+            for name in sorted(own):
+                if single.get(name, np.zeros(len(only)))[view] >= RIVAL:
+                    trials[name, view] = self._loose(state, name, only)
+        tried = {key: self.relaxed(trial, TRIED) for key, trial in trials.items()}
+        if HIDDEN in single and single[HIDDEN][view] >= RIVAL and (tried or most == HIDDEN):
+            tried[HIDDEN, view] = self.without_hidden(state, np.arange(len(state.hidden)) == view)
         scale = min(_scale(one.fit) for one in tried.values())
         cost = {n: _disagreement(s.fit, scale) + self._prior(s.values) for n, s in tried.items()}
         least = min(cost, key=cost.__getitem__)
-        return tried[HIDDEN] if least == HIDDEN else self.relaxed(tried[least])
+        return tried[least] if least[0] == HIDDEN else self.relaxed(tried[least])
+
+    def pruned(self, state: State, asked: Sequence[str]) -> State:
+        """Return the state without effects that are far below their limits once all are found."""
+        free, values = {}, {}
+        for effect in self.effects:
+            name, value = effect.name, state.values[effect.name]
+            limit = self.shared_limit if effect.shared else self.own_limit
+            spread = np.hypot(self.spread.get(name, 0.0), NEGLIGIBLE * self.deviation[name])
+            far = np.abs(value) > RIVAL * limit * spread
+            real = far.any(axis=1, keepdims=True) | (name in asked)
+            free[name], values[name] = state.free[name] & real, np.where(real, value, 0.0)
+        if all(np.array_equal(free[n], state.free[n]) for n in free):
+            return state
+        seen = corrected(self.observation, self.effects, values)
+        fit = with_trust(next_fit(continued(state.fit, seen, self.active)))
+        return self.relaxed(replace(state, fit=fit, values=values, free=free))
 
     def _around(self, state: State) -> State:
         """Return the state with light from around the grid, or with backgrounds if these do."""

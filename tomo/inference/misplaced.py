@@ -76,10 +76,7 @@ def find_misplaced(
 
 def _of_view(observation: Observation, view: int, active: ActiveVoxels | None) -> Misplaced | None:
     """Return what the image of one view is, if not its own."""
-    masks = list(observation.masks)
-    masks[view] = np.zeros_like(masks[view])
-    rest = first_fit(replace(observation, masks=tuple(masks)), active)
-    seen = _predicted(observation, view, rest.means)
+    seen = _predicted(observation, view, _without(observation, (view,), active))
     mask, own = observation.masks[view], observation.images[view]
     least, found = BETTER * _error(own, seen, mask), None
     for words, turn in TURNS.items():
@@ -89,16 +86,28 @@ def _of_view(observation: Observation, view: int, active: ActiveVoxels | None) -
     for other, image in enumerate(observation.images):
         if other != view and image.shape == own.shape:
             error = _error(image, seen, mask & observation.masks[other])
-            if error < least and _suits(observation, view, other, rest.means):
+            if error < least and _suits(observation, view, other, active):
                 least, found = error, Misplaced(view, other=other)
     return found
 
 
-def _suits(observation: Observation, view: int, other: int, volume: NDArray[np.float32]) -> bool:
-    """Return whether a view's image is more like the other view's prediction than its own is."""
+def _suits(observation: Observation, view: int, other: int, active: ActiveVoxels | None) -> bool:
+    """Return whether a view's image is more like what another view should show than its own is."""
+    volume = _without(observation, (view, other), active)
     seen, mask = _predicted(observation, other, volume), observation.masks[other]
     own, foreign = observation.images[other], observation.images[view]
     return _error(foreign, seen, mask & observation.masks[view]) < _error(own, seen, mask)
+
+
+def _without(
+    observation: Observation, views: tuple[int, ...], active: ActiveVoxels | None
+) -> NDArray[np.float32]:
+    """Return a quick volume from all views but some."""
+    masks = tuple(
+        np.zeros_like(mask) if view in views else mask
+        for view, mask in enumerate(observation.masks)
+    )
+    return first_fit(replace(observation, masks=masks), active).means
 
 
 def _predicted(

@@ -53,8 +53,9 @@ UNKNOWN_GAIN = 1.0
 """Prior standard deviation of the gains' logarithms where their fit is asked for: that of `Gain`
 pulls gains of 4 down by a hundredth."""
 
-MOST_HIDDEN = 0.5
-"""Fraction of a camera's pixels that nothing explains, from which it is left out."""
+QUARTER = 4
+"""One in so many views may be dark where there is light, behind a frame: more must find a voxel
+dark before it is taken for empty."""
 
 
 def given_absorption(scan: Scan, options: Options) -> Absorption:
@@ -106,7 +107,9 @@ def infer_effects(
             screened = _without_unusable(screened, whole)
         known = given_absorption(screened.scan, options)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
-            screened = _inferred(screened, grid, options, known)
+            names = screened.scan.rig.names  # looked at by name: the rig's order changes no bit
+            found = _inferred(_ordered(screened, sorted(names)), grid, options, known)
+            screened = _ordered(found, names)
         stage.warnings += [one.sentence for one in screened.findings]
         stage.warnings += _lines_for_scan(screened, whole, options)
     record = Record(
@@ -162,6 +165,29 @@ def _left_out(screened: ScreenedScan, whole: Scan, gone: Sequence[str]) -> Scree
             apart_masks=[masks[name] for name in apart.rig.names],
         )
     return replace(kept, excluded=(*screened.excluded, *gone))
+
+
+def _ordered(screened: ScreenedScan, names: Sequence[str]) -> ScreenedScan:
+    """Return the views that take part in another order."""
+    order = [screened.scan.rig.names.index(name) for name in names]
+    rig, gains = screened.scan.rig, screened.gains
+    if gains is not None:
+        gains = replace(
+            gains,
+            **{
+                name: getattr(gains, name)[order]
+                for name in ("gain", "offset", "gain_error", "offset_error")
+            },
+            reference=None if gains.reference is None else gains.reference[order],
+        )
+    return replace(
+        screened,
+        scan=replace(screened.scan, rig=replace(rig, cameras=tuple(rig[n] for n in names))),
+        images=[screened.images[n] for n in order],
+        masks=[screened.masks[n] for n in order],
+        noise=tuple(screened.noise[n] for n in order),
+        gains=gains,
+    )
 
 
 def _inferred(
@@ -250,9 +276,10 @@ def _not_dark(coarse: Observation, options: Options) -> ActiveVoxels | None:
     """Return the voxels that dark pixels do not prove empty."""
     if not options.skip or options.carving == OFF:
         return None
-    return carve(
-        tuple(coarse.rig), coarse.images, coarse.masks, coarse.grid, noise=coarse.noise
-    ).active
+    votes = 1 + len(coarse.rig) // QUARTER
+    rig = tuple(coarse.rig)
+    found = carve(rig, coarse.images, coarse.masks, coarse.grid, votes=votes, noise=coarse.noise)
+    return found.active
 
 
 def _corrections(
