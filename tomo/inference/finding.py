@@ -72,7 +72,7 @@ class Finding:
         return {**asdict(self), "sentence": self.sentence, "step": self.step}
 
 
-LEFT_OUT = ("hidden", "dark")
+LEFT_OUT = ("hidden", "scatter", "saturation", "dark")
 """Effects that are not corrected but left out."""
 
 WORDS: Mapping[str, tuple[str, str]] = {
@@ -109,10 +109,19 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
     ),
     "hidden": (
-        "{who}: {size} of its pixels show what no volume explains: something hides the flame, or "
-        "light is reflected",
+        "{who}: {size} of its pixels are darker than the others say: something hides the flame",
         "Look at the image beside its re-projection, and mask what is no flame (scan.yaml, "
         "corrections: mask)",
+    ),
+    "scatter": (
+        "{who}: {size} of its pixels are brighter than any volume explains: light is reflected or "
+        "scattered, or the flame is that of another moment",
+        "Look at the image beside its re-projection, and mask what is no flame (scan.yaml, "
+        "corrections: mask)",
+    ),
+    "saturation": (
+        "{who}: its image is cut off at {size}",
+        "Expose camera {camera} shorter",
     ),
     "dark": (
         "{who}: its image has no light: a cap, a closed shutter, or a wrong file",

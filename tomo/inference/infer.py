@@ -275,7 +275,7 @@ class _Search:
         if HIDDEN in single and single[HIDDEN][view] >= RIVAL and (tried or most == HIDDEN):
             tried[HIDDEN, view] = self.without_hidden(state, np.arange(len(state.hidden)) == view)
         scale = min(_scale(one.fit) for one in tried.values())
-        cost = {n: _disagreement(s.fit, scale) + self._prior(s.values) for n, s in tried.items()}
+        cost = {key: self._cost(one, scale) for key, one in tried.items()}
         least = min(cost, key=cost.__getitem__)
         return tried[least] if least[0] == HIDDEN else self.relaxed(tried[least])
 
@@ -302,7 +302,7 @@ class _Search:
             return around
         level = self.relaxed(self._loose(state, "background", np.full(len(state.hidden), True)))
         scale = min(_scale(around.fit), _scale(level.fit))
-        cost = [_disagreement(one.fit, scale) + self._prior(one.values) for one in (around, level)]
+        cost = [self._cost(one, scale) for one in (around, level)]
         return around if cost[0] < ALIKE * cost[1] else replace(level, is_dark_around=True)
 
     def _loose(self, state: State, name: str, views: NDArray[np.bool_]) -> State:
@@ -329,17 +329,21 @@ class _Search:
 
     def relaxed(self, state: State, steps: int = STEPS) -> State:
         """Return the state after Gauss-Newton steps of all that is loose, while they help."""
-        best, least, scale = state, np.inf, 0.0
+        scale = _scale(state.fit)
+        best, least = state, np.inf  # the first step may cost more before others cost less
         for _ in range(steps):
             state, size = self._stepped(state)
-            scale = scale or _scale(state.fit)
-            cost = _disagreement(state.fit, scale) + self._prior(state.values)
+            cost = self._cost(state, scale)
             if cost > least:
                 break
             best, least = state, cost
             if size < NEGLIGIBLE:
                 break
         return best
+
+    def _cost(self, state: State, scale: float) -> float:
+        """Return the bounded misfit of a state, and what its effects cost by their priors."""
+        return _disagreement(state.fit, scale) + self._prior(state.values)
 
     def _stepped(self, state: State) -> tuple[State, float]:
         """Return the state after one step, and the largest change in deviations of its prior."""
@@ -350,10 +354,12 @@ class _Search:
             change = step.values[effect.name]
             if effect.shared and change.any():  # to where one more step is the null's
                 change = change - self.bias.get(effect.name, 0.0)
-            least = 0.0 if effect.positive else -np.inf
             most = PLAUSIBLE * self.deviation[effect.name] if effect.shared else np.inf
-            moved[effect.name] = np.clip(values[effect.name] + change, least, most)
+            moved[effect.name] = np.minimum(values[effect.name] + change, most)
         moved = without_gauge(moved, self.observation, step.means, state.free)
+        for effect in self.effects:
+            if effect.positive:
+                moved[effect.name] = np.maximum(moved[effect.name], 0)
         sizes = [np.abs((moved[n] - values[n]) / self.deviation[n]).max() for n in moved]
         seen = corrected(self.observation, self.effects, moved)
         fit = with_trust(next_fit(continued(step, seen, self.active)))

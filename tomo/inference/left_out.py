@@ -37,7 +37,7 @@ def surely_worse(corrected: Fit, given: Fit) -> bool:
 
 
 def _errors(fit: Fit, out: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the bounded squared errors of a fit without some pixels, over the images' energy."""
+    """Return the squared errors of a fit without some pixels, over the images' energy."""
     kept = fit.usable & ~out
     found = next_fit(replace(fit, usable=kept, trust=np.where(kept, fit.trust, 0.0)))
     energy = float(np.mean(np.square(fit.measured))) or 1.0

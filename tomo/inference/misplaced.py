@@ -17,8 +17,8 @@ BETTER = 0.5
 or another camera's image, is taken for the right one."""
 
 DOUBTED = 0.05
-"""Fraction of a view's pixels that lost their weight from which it is looked at: an image in the
-wrong place agrees with the others nowhere."""
+"""Fraction of a view's lit pixels that lost their weight from which it is looked at: an image in
+the wrong place agrees with the others hardly anywhere."""
 
 TURNS: Mapping[str, Callable[[NDArray], NDArray]] = {
     "left and right": lambda image: image[:, ::-1],
@@ -57,7 +57,7 @@ def find_misplaced(
     ----------
     observation : Observation
     distrust : (views,) float64
-        The fraction of every view's pixels that lost their weight.
+        The fraction of every view's lit pixels that lost their weight.
     active : ActiveVoxels, optional
 
     Notes

@@ -114,9 +114,16 @@ class Null:
         return mean, float(np.hypot(np.std(drawn, ddof=1), DETAIL * mean))
 
 
-def distrust(fit: Fit) -> NDArray[np.float64]:
-    """Return the fraction of every view's usable pixels that lost their weight, ``(views,)``."""
+def distrust(fit: Fit, lit: float = -np.inf) -> NDArray[np.float64]:
+    """Return the fraction of every view's usable pixels that lost their weight, ``(views,)``.
+
+    Those count that are as bright as ``lit``, measured or predicted.
+    """
     ptr = fit.system.projector.view_ptr
-    lost = np.where(fit.usable, 1 - fit.trust, 0)
-    sums = np.diff(np.r_[0.0, np.cumsum(lost)][ptr])
-    return sums / np.maximum(np.diff(ptr), 1)
+    bright = np.maximum(fit.measured, fit.measured - fit.residual) >= lit
+    counted = fit.usable & bright
+
+    def sums(values: NDArray) -> NDArray[np.float64]:
+        return np.diff(np.r_[0.0, np.cumsum(np.where(counted, values, 0.0))][ptr])
+
+    return sums(1 - fit.trust) / np.maximum(sums(np.ones(len(bright))), 1)

@@ -53,6 +53,9 @@ UNKNOWN_GAIN = 1.0
 """Prior standard deviation of the gains' logarithms where their fit is asked for: that of `Gain`
 pulls gains of 4 down by a hundredth."""
 
+LIT = 0.05
+"""Fraction of the brightest light from which a pixel is lit."""
+
 QUARTER = 4
 """One in so many views may be dark where there is light, behind a frame: more must find a voxel
 dark before it is taken for empty."""
@@ -111,12 +114,19 @@ def infer_effects(
             found = _inferred(_ordered(screened, sorted(names)), grid, options, known)
             screened = _ordered(found, names)
         stage.warnings += [one.sentence for one in screened.findings]
+        screened = replace(screened, findings=(*screened.findings, *_overexposed(screened)))
         stage.warnings += _lines_for_scan(screened, whole, options)
     record = Record(
         screened.record.seconds + stage.record.seconds,
         (*screened.record.warnings, *stage.record.warnings),
     )
     return replace(screened, record=record)
+
+
+def _overexposed(screened: ScreenedScan) -> list[Finding]:
+    """Return the cameras whose brightest pixels are cut off; a warning of the pixels says so."""
+    cut = screened.pixels.saturated if screened.pixels else {}
+    return [Finding("saturation", name, level) for name, level in cut.items()]
 
 
 def _lines_for_scan(screened: ScreenedScan, whole: Scan, options: Options) -> list[str]:
@@ -236,7 +246,7 @@ def _in_place(
     screened: ScreenedScan, coarse: Observation, first: Fit, active: ActiveVoxels | None
 ) -> ScreenedScan | None:
     """Return the images with one that was turned over, or another camera's, in its place."""
-    found = find_misplaced(coarse, distrust(first), active)
+    found = find_misplaced(coarse, distrust(first, LIT * coarse.brightest), active)
     if found is None or len(screened.findings) >= len(coarse.rig):
         return None
     names, images, masks = coarse.rig.names, list(screened.images), list(screened.masks)
@@ -376,14 +386,21 @@ def _findings(
                 said.append(Finding(what, camera.name, size, unit=unit, score=float(score[view])))
     for view in np.flatnonzero(state.hidden):
         fraction = float(corrections.untrusted[names[view]].mean())
-        most = float(found.scores["hidden"][view])
-        if fraction > 0:  # many pixels that are doubted a little are not left out
-            said.append(Finding("hidden", names[view], fraction, unit="%", score=most))
+        if fraction > 0:
+            what = "scatter" if _is_brighter(state.fit, int(view)) else "hidden"
+            most = float(found.scores["hidden"][view])
+            said.append(Finding(what, names[view], fraction, unit="%", score=most))
     if found.has_outside:
         most = float(found.scores["outside"].max())
         size = state.fit.light_outside
         said.append(Finding("outside", size=size, unit="%", score=most, corrected=False))
     return sorted(said, key=lambda one: -one.score)
+
+
+def _is_brighter(fit: Fit, view: int) -> bool:
+    """Return whether the pixels left out of a view are brighter than the volume says."""
+    own = slice(*fit.system.projector.view_ptr[view : view + 2])
+    return float(np.sum(fit.residual[own], where=~fit.usable[own])) > 0
 
 
 def _size(

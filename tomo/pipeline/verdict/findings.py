@@ -18,7 +18,7 @@ from tomo.uncertainty.warnings import BARELY_SEEN, NOISY
 
 Facts = Mapping[str, Any]
 
-IN_DOUBT = ("hidden", "dark", "order", "mirrored", "outside", "absorption")
+IN_DOUBT = ("hidden", "scatter", "dark", "order", "mirrored", "outside", "absorption")
 """Findings after which a volume is no better than amber: pixels or views are missing, or what was
 corrected was not measured."""
 
