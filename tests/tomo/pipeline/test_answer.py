@@ -122,7 +122,7 @@ def test_dark_images_have_no_answer():
         (Finding("outside", size=0.3, unit="%"), "30.0 % of the light comes from outside"),
         (Finding("pose", "cam01", 1.28, unit="px"), "camera cam01: its pose is off"),
         (Finding("absorption", size=0.5), "optical depth 0.5"),
-        (Finding("order", "cam00", other="cam01"), "that of camera cam01: left out"),
+        (Finding("order", "cam00", other="cam01"), "its image is that of camera cam01"),
         (Finding("background", "cam01", 0.02, unit="%", corrected=False), "not corrected"),
     ],
 )

@@ -68,7 +68,7 @@ CASES = [
     (reporting("mirrored", "cam02", other="upside down"), AMBER, "02: its image is turned over"),
     (reporting("order", "cam02", other="cam03"), AMBER, "02: its image is that of camera cam03"),
     (reporting("dark", "cam02"), AMBER, "cam02: its image has no light"),
-    (reporting("hidden", "cam02", 0.3, unit="%"), AMBER, "30.0 % of its pixels show what no"),
+    (reporting("hidden", "cam02", 0.3, unit="%"), AMBER, "30.0 % of its pixels"),
     (reporting("outside", size=0.3, unit="%"), AMBER, "30.0 % of the light comes from outside"),
     (reporting("absorption", size=0.2), AMBER, "optical depth 0.2"),
     (reporting("pose", "cam03", 3.0, unit="px", corrected=False), AMBER, "3 px beside"),
