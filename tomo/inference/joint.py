@@ -14,10 +14,6 @@ from tomo._compute.reductions import dot
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import RelativeCurvature
 
-LONGER, SHORTEST = 1.5, 0.1
-"""A step as a multiple of the one before, and at least: a longer guess is clipped where a shorter
-one would not be, a shorter one does not reach the lowest objective."""
-
 
 class Unknowns(NamedTuple):
     """Voxels, voxels around the grid, parameters of the views, and those that views share.
@@ -164,15 +160,10 @@ class Joint:
         """Return the unknowns after some iterations of projected conjugate gradients from ``z``.
 
         Also returns the residual ``b - A x - B o - T t``, ``(pixels,)``.
-
-        Notes
-        -----
-        Each takes one product with the operator and one with its adjoint: the step is guessed
-        from the one before, clipped to feasible unknowns, and shortened to the lowest objective.
         """
         precondition = self._preconditioner()
         residual = b - self.forward(z)
-        direction, steep, size, step = z, z, 0.0, 0.0
+        direction, steep, size = z, z, 0.0
         for number in range(iterations):
             g = self._downhill(z, residual)
             free = _free(z, g)
@@ -181,20 +172,25 @@ class Joint:
             size = g.dot(steep)
             if not size > 0:
                 break
-            if number == 0:
-                direction = steep
-                image = self.forward(direction)
-                step = size / self._energy(direction, image)
-            else:
+            direction_before, direction = direction, steep
+            if number > 0:
                 turn = max(0.0, (size - g.dot(before)) / size_before)
-                kept = Unknowns(*(a * b for a, b in zip(direction, free, strict=True)))
-                direction, step = steep.plus(turn, kept), LONGER * step
-            change = _feasible(z.plus(step, direction)).plus(-1.0, z)
-            image = self.forward(change)
-            energy = self._energy(change, image)
-            shorter = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
-            z, residual = _feasible(z.plus(shorter, change)), residual - shorter * image
-            step = max(shorter, SHORTEST) * step
+                kept = (a * b for a, b in zip(direction_before, free, strict=True))
+                direction = steep.plus(turn, Unknowns(*kept))
+            image = self.forward(direction)
+            step = g.dot(direction) / self._energy(direction, image)
+            if not step > 0:
+                break
+            there = z.plus(step, direction)
+            change = _feasible(there).plus(-1.0, z)
+            if (there.voxels < 0).any() or (there.outside < 0).any():
+                image = self.forward(change)
+                energy = self._energy(change, image)
+                step = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
+                z = _feasible(z.plus(step, change))
+            else:
+                z = there
+            residual = residual - step * image
         return z, residual
 
 

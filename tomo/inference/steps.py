@@ -93,12 +93,13 @@ class Null:
             drawn = first_fit(*made, rounds=1, system=system)
             self._drawn.append(Steps(drawn, effects, none))
         misfit = float(np.mean([one.misfit for one in self._drawn]))
-        self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300))
+        self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300)) ** 0.5
 
     def spread(self, name: str) -> NDArray[np.float64]:
         """Return the spread of what each view has for itself, ``(parameters,)``.
 
-        It is larger by as much as the scene's residual is: detail that no voxel shows.
+        It is larger where the scene's residual is: by the root of the ratio, since a part of
+        it is detail that no voxel shows, and a part the faults that are looked for.
         """
         squares = [np.square(one.own[name]).mean(axis=0) for one in self._drawn]
         return self._factor * np.sqrt(np.mean(squares, axis=0))
