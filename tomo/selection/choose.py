@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
-from tomo.selection.fits import CHECKPOINTS, Fit, Fits, Progress, Tried
+from tomo.selection.fits import Fit, Fits, Progress, Tried
 from tomo.selection.folds import (
     LEFT_OUT,
     Fold,
@@ -37,34 +37,11 @@ WIDTHS = (0.0, 0.6, 1.0, 1.6)
 STRENGTHS = tuple(10.0 ** (n / 2) for n in range(-10, 0))
 """Strengths of the prior that are tried: 1e-5 to 0.32 in steps of a half decade."""
 
-FIRST = STRENGTHS.index(1e-3)
-"""The strength that is tried first, at widths below one voxel. A wider basis is smooth by itself:
-it gets `WEAKER`."""
+FIRST_WIDTH, FIRST = 0.6, STRENGTHS.index(1e-3)
+"""The width and the strength that are tried first."""
 
-WEAKER = 2
-"""How many half decades weaker a prior a basis as wide as a voxel asks for."""
-
-HOPELESS = 1.3
-"""Residual of a width's first fits, as a multiple of the best, above which no other strength is
-tried. A lower one gives up widths that would have won, a higher one costs fits."""
-
-CLOSE, QUICK, FINALISTS = 1.02, 15, 4
-"""All folds compare the best fits of each width whose residual is so many times the least at most,
-and other fits that took so few iterations; no more than so many fits."""
-
-TIE = 1.005
-"""The widest basis is taken whose residual is so many times the least at most: left-out pixels,
-which are noisy, tell widths less well than the truth does. A larger one blurs."""
-
-PEAKED = STRENGTHS[2]
-"""The strongest prior without a basis that makes light look peaked: `COUNTS` is tried too."""
-
-COUNTS = 0.0
-"""The strength that stands for no prior at all: `tomo.solvers.mlem` solves it."""
-
-ENOUGH_BLOCKS, MOST_FOLDS = 400, 3
-"""Left-out blocks that decide well enough: small images are left out in several folds, yet no
-more than so many."""
+ENOUGH_BLOCKS = 400
+"""Left-out blocks that decide well enough: small images are left out in several folds."""
 
 DARK = (0.0, 1e-3, 10)
 """Width, strength and iterations for dark images, which predict nothing."""
@@ -79,8 +56,7 @@ class Choice:
     width : float
         Standard deviation of the Gaussian basis, in voxels; 0 for none.
     strength : float
-        Strength of the prior on relative curvature, see `tomo.solvers.curvature`; 0 for none, with
-        pixels as counts, see `tomo.solvers.mlem`.
+        Strength of the prior on relative curvature, see `tomo.solvers.curvature`.
     iterations : int
     held_out_residual : float
         Relative residual of the left-out pixels; NaN if none could be left out.
@@ -106,11 +82,6 @@ class Choice:
         """Return whether both solve the same way, whatever their validation errors."""
         ours, theirs = (one.setting._replace(held_out_residual=0.0) for one in (self, other))
         return ours == theirs
-
-    @property
-    def method(self) -> str:
-        """The solver, as reports name it."""
-        return METHOD if self.strength else "mlem"
 
 
 def choose_by_left_out_pixels(
@@ -139,19 +110,20 @@ def choose_by_left_out_pixels(
 
     Notes
     -----
-    The search goes from one width to the next while the error of one fold's left-out pixels falls,
-    and at each width from one strength to the next likewise. All folds compare the last
-    candidates, and the widest basis is taken that predicts as well as the best. Where none is
-    asked for, pixels as photon counts are a candidate too: light in peaks as narrow as voxels.
+    The search goes from one width to the next while the error of the left-out pixels falls, and at
+    each width from one strength to the next likewise. The setting of the least error is taken:
+    the smoothest within one standard error of it (Breiman, Friedman, Stone and Olshen,
+    "Classification and Regression Trees", 1984, section 3.4.3) was worse on noisy scenes, by 24 %
+    at most and 1 % on average.
     """
     measured = check_measured(projector, measured)
     if not measured.any():
         return Choice(*DARK, math.nan, reason="the images are dark")
     fits = _fits(projector, measured, blocks, weights, progress)
-    _search(fits)
-    best, residual = _final(fits)
+    best = _least_error(fits)
     if progress:
         progress(fits.total, fits.total, "")
+    residual = fits.residual(best)
     reason = f"it predicts left-out pixels best (relative residual {residual:.4f})"
     return Choice(best.width, best.strength, best.iterations, residual, reason, fits.tried)
 
@@ -169,8 +141,7 @@ def left_out_residual(
     Arguments as of `choose_by_left_out_pixels`.
     """
     fits = _fits(projector, check_measured(projector, measured), blocks, weights, None)
-    found = fits.to_all_folds(fits.at(choice.width, choice.strength, CHECKPOINTS[-1]))
-    return fits.residual(found, len(fits.folds))
+    return fits.residual(fits.at(choice.width, choice.strength))
 
 
 def _fits(
@@ -198,7 +169,7 @@ def _folds(
     """Return as many folds as leave out enough blocks of pixels that see a voxel."""
     seen = projector.row_sums > 0
     a_fold = LEFT_OUT * len(np.unique(blocks[seen]))
-    count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), MOST_FOLDS)
+    count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), round(1 / LEFT_OUT))
     held = (blocks_to_leave_out(blocks, number) & seen for number in range(count))
     return [
         Fold.leaving_out(each, projector, measured, weights, blocks)
@@ -207,72 +178,38 @@ def _folds(
     ]
 
 
-def _search(fits: Fits) -> None:
-    """Fit the first fold by one setting after the other while the best improves."""
-    for width, weaker in ((0.6, 0), (1.0, WEAKER), (0.0, 0)):
-        fits.at(width, STRENGTHS[FIRST - weaker])
-    best = _of_width(fits, fits.best, (-1, 1))
+def _least_error(fits: Fits) -> Fit:
+    """Return the setting of the least error: the best width, each with its best strength."""
+    best = _of_width(fits, FIRST_WIDTH, STRENGTHS[FIRST], (-1, 1))
     for step in (1, -1):
-        at = WIDTHS.index(best.width) + step
+        at = WIDTHS.index(FIRST_WIDTH) + step
         while 0 <= at < len(WIDTHS):
             # wider blobs are smooth by themselves and ask for a weaker prior, narrower ones not
-            number = STRENGTHS.index(best.strength) - step
-            fits.at(WIDTHS[at], STRENGTHS[min(max(number, 0), len(STRENGTHS) - 1)])
-            begin = fits.of_width(WIDTHS[at])
-            assert begin is not None
-            if begin.error > HOPELESS**2 * best.error:
-                break
-            found = _of_width(fits, begin, (-step, step))
+            found = _of_width(fits, WIDTHS[at], best.strength, (-step,))
             if found.error >= best.error:
                 break
             best, at = found, at + step
-
-
-def _of_width(fits: Fits, best: Fit, steps: Sequence[int]) -> Fit:
-    """Return the best fit of a width, from one strength to the next while it improves.
-
-    ``steps`` are the directions to go in, the second only where the first improves nothing.
-    """
-    begun = best
-    for step in steps:
-        at = STRENGTHS.index(best.strength) + step
-        while 0 <= at < len(STRENGTHS):
-            found = fits.at(best.width, STRENGTHS[at])
-            if found.error >= best.error:
-                break
-            best, at = found, at + step
-        if best is not begun:
+        if best.width != FIRST_WIDTH:
             break
     return best
 
 
-def _final(fits: Fits) -> tuple[Fit, float]:
-    """Return the best of the last candidates by all folds, and its relative residual."""
-    order = sorted(fits.done.values(), key=lambda fit: fit.error)
-    close = [fit for fit in order if fit.error <= CLOSE**2 * order[0].error]
-    widths = {fit.width: fit for fit in reversed(close)}
-    others = [fit for fit in close if fit is not widths[fit.width] and fit.iterations <= QUICK]
-    rivals, folds = [*widths.values(), *others][:FINALISTS], 1
-    if len(rivals) > 1:
-        rivals, folds = [fits.to_all_folds(fit) for fit in rivals], len(fits.folds)
-    least = min(fit.error for fit in rivals)
-    ties = [fit for fit in rivals if fit.error <= TIE**2 * least]
-    best = max(ties, key=lambda fit: (fit.width, -fit.error))
-    while folds > 1 and best.iterations <= QUICK and best.strength < STRENGTHS[-1]:
-        stronger = STRENGTHS[STRENGTHS.index(best.strength) + 1]
-        found = fits.to_all_folds(fits.at(best.width, stronger))
-        if found.error >= best.error:
+def _of_width(fits: Fits, width: float, strength: float, steps: Sequence[int]) -> Fit:
+    """Return the best fit of a width, from one strength to the next while it improves.
+
+    ``steps`` are the directions to go in, the second only where the first improves nothing.
+    """
+    best = fits.at(width, strength)
+    for step in steps:
+        at = STRENGTHS.index(strength) + step
+        while 0 <= at < len(STRENGTHS):
+            found = fits.at(width, STRENGTHS[at])
+            if found.error >= best.error:
+                break
+            best, at = found, at + step
+        if best.strength != strength:
             break
-        best = found
-    residual = fits.residual(best, folds)
-    ended = fits.to_the_end(best.width, best.strength)
-    if best.width == 0 and best.strength <= PEAKED:
-        counted = fits.to_the_end(0.0, COUNTS)
-        if counted.error <= CLOSE**2 * ended.error:
-            ended, counted = fits.to_all_folds(ended), fits.to_all_folds(counted)
-            ended = min(counted, ended, key=lambda fit: fit.error)
-            residual = fits.residual(ended, len(fits.folds))
-    return ended, residual
+    return best
 
 
 def solve_as_chosen(

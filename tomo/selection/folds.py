@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,6 @@ from numpy.typing import NDArray
 from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
-from tomo.selection.smooth_solve import smooth_start
 
 FEW_VIEWS = 8
 """Views up to which each one counts: too few to fit what is each view's own."""
@@ -132,17 +130,12 @@ class Fold:
             misfit *= np.sqrt(self.left_out_weights)
         return np.bincount(self.blocks, misfit) ** 2 / np.bincount(self.blocks)
 
-    @cached_property
-    def start(self) -> NDArray[np.float32]:
-        """The volume that fits to the training pixels start from, ``(unknowns,)``."""
-        return smooth_start(self.training, self.training_pixels)
-
     @property
     def n_blocks(self) -> int:
         """Number of left-out blocks."""
         return int(self.blocks.max()) + 1
 
-    @cached_property
+    @property
     def squared_light(self) -> float:
         """The squared error of an empty volume."""
         weights = self.left_out_weights

@@ -4,21 +4,13 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from scipy import ndimage
 
 import phantoms
 import rigs
 from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem, Projector
 from tomo.rays import Rays
-from tomo.selection import (
-    Choice,
-    choose,
-    choose_by_left_out_pixels,
-    solve_as_chosen,
-    solve_several_smoothly,
-)
-from tomo.selection.smooth_solve import smooth_start
+from tomo.selection import Choice, choose, choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation import camera_noise
 from tomo.trace import trace
 
@@ -78,83 +70,12 @@ def test_the_choice_is_nearly_the_truest_of_those_tried(projector, cases, name, 
     assert chosen < {0.0: 0.06, 0.1: 0.25, 0.3: 0.4}[fraction]
 
 
-def test_the_choice_predicts_about_as_well_as_the_best_of_those_tried(cases):
+def test_the_choice_is_the_best_predictor_of_those_tried(cases):
     for case in cases.values():
         choice = case.choice
-        residuals = {tried[:2]: tried.held_out_residual for tried in choice.tried}
-        chosen = residuals[choice.width, choice.strength]
-        assert chosen <= 1.03 * min(residuals.values())
+        best = min(choice.tried, key=lambda tried: tried.held_out_residual)
+        assert choice.setting == best
         assert f"{choice.held_out_residual:.4f}" in choice.reason
-
-
-@pytest.mark.parametrize("name", ["jet", "turbulent"])
-def test_a_choice_takes_few_products_with_the_matrix(name, monkeypatch):
-    """A small clean scan took 6,336 in several folds of all settings; counted by segments."""
-    grid = VoxelGrid((14, 18, 14), 1.0)
-    rig = rigs.ring(8, distance=200.0, image_size=(24, 30), footprint=0.7)
-    system = LinearSystem.from_rig(rig, grid)
-    field = phantoms.create(name, seed=1, extent=grid.extent)
-    images = system.projector @ phantoms.sample(field, grid, refine=2).ravel()
-    images = camera_noise.gaussian(images, 0.005, np.random.default_rng(SEED)).astype(np.float32)
-    products = []
-
-    def counted(product):
-        def one(self, vector):
-            products.append(self.n_segments)
-            return product(self, vector)
-
-        return one
-
-    for each in ("_matvec", "_rmatvec"):
-        monkeypatch.setattr(Projector, each, counted(getattr(Projector, each)))
-    choose_by_left_out_pixels(system.projector, images, blocks=system.blocks(2.0))
-    assert sum(products) < 720 * system.projector.n_segments
-
-
-@pytest.fixture(scope="module")
-def peaked():
-    """Return equations, exact images and the truth of grains narrower than two voxels."""
-    grid = VoxelGrid((16, 16, 16), 1.0)
-    rig = rigs.ring(8, distance=200.0, image_size=(48, 48), footprint=0.5)
-    fine = VoxelGrid((48, 48, 48), 1 / 3)
-    places = np.random.default_rng(SEED).integers(9, 39, (3, 25))
-    light = np.zeros(fine.shape, np.float32)
-    light[tuple(places)] = 1
-    light = ndimage.gaussian_filter(light, 1.8)
-    truth = light.reshape(16, 3, 16, 3, 16, 3).mean(axis=(1, 3, 5))
-    system = LinearSystem.from_rig(rig, grid)
-    images = LinearSystem.from_rig(rig, fine).projector @ light.ravel()
-    return system, images.astype(np.float32), truth
-
-
-def test_peaked_light_is_solved_as_counts_and_comes_nearer(peaked):
-    system, images, truth = peaked
-    projector = system.projector
-    choice = choose_by_left_out_pixels(projector, images, blocks=system.blocks(2.0))
-    assert (choice.width, choice.strength, choice.method) == (0, choose.COUNTS, "mlem")
-    found = solve_as_chosen(projector, images, choice)
-    assert found.settings["method"] == "mlem"
-    assert (found.settings["smooth_width"], found.settings["strength"]) == (0, 0)
-    smooth = Choice(0.0, 1e-5, 20, 0.0)
-    assert smooth.method == choose.METHOD
-    errors = [
-        np.linalg.norm(solve_as_chosen(projector, images, each).volume - truth)
-        for each in (choice, smooth)
-    ]
-    assert errors[0] < errors[1]
-
-
-@pytest.mark.parametrize("setting", [(0.0, choose.COUNTS), (0.0, 1e-4), (1.0, 1e-4)])
-def test_several_sets_of_images_are_solved_as_each_alone(peaked, setting):
-    system, images, _ = peaked
-    sets = np.stack([images, images[::-1]], axis=1)
-    start = smooth_start(system.projector, sets)
-    how = {"width": setting[0], "strength": setting[1], "iterations": 12}
-    found = solve_several_smoothly(system.projector, sets, start=start, **how)
-    for number in range(2):
-        alone = solve_as_chosen(system.projector, sets[:, number], Choice(*how.values(), 0.0))
-        close = 1e-3 * alone.volume.max()
-        np.testing.assert_allclose(found[:, number], alone.volume.ravel(), atol=close)
 
 
 def test_the_choice_is_the_same_each_time_and_for_every_brightness(projector, cases):
