@@ -17,10 +17,6 @@ from tomo.scan.downsample import Coarser
 Images = tuple[NDArray[np.float32], ...]
 Masks = tuple[NDArray[np.bool_], ...]
 
-MOST_RAYS = 2
-"""Rays along each side of an enlarged pixel, at most: of one ray each, coarse pixels sample thin
-flames unevenly, which looks like gains; more take longer."""
-
 BRIGHT = 99.8
 """Percentile of an image's pixels that counts as its brightest. Higher, hot pixels decide; lower,
 small flames in large images count as dark."""
@@ -69,16 +65,19 @@ class Observation:
         ]
         return max([0.0, *found])
 
-    def coarser(self, factor: int) -> Observation:
-        """Return the observation in pixels and voxels ``factor`` times as wide."""
+    def coarser(self, factor: int, rays: int = 1) -> Observation:
+        """Return the observation in pixels and voxels ``factor`` times as wide.
+
+        ``rays`` are those along each side of a pixel.
+        """
         if factor == 1:
-            return self
+            return replace(self, supersample=rays)
         found = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
         noise = tuple(NoiseModel(one.read / factor, one.gain / factor**2) for one in self.noise)
         return replace(
             self, rig=found.rig, images=found.images, masks=found.masks, noise=noise,
             grid=found.grid,
-            supersample=min(factor, MOST_RAYS),
+            supersample=rays,
         )  # fmt: skip
 
     @property

@@ -43,6 +43,10 @@ from tomo.scan.downsample import coarsening
 SEGMENTS = 600_000
 """Segments, about, of the coarse copy. More take longer; fewer hide what thin flames tell."""
 
+RAYS = 2
+"""Rays along each side of a pixel of that copy, where it is coarse, or so small that they cost
+little: of one ray each, pixels sample thin flames unevenly, which looks like gains."""
+
 COARSEST = 16
 """Voxels along the grid's longest edge, and pixels along an image's shortest, of that copy."""
 
@@ -206,6 +210,8 @@ def _inferred(
     """Return the images corrected by what was found on a coarse copy."""
     scan = screened.scan
     factor = coarsening(scan.rig, grid, SEGMENTS, COARSEST)
+    single = coarsening(scan.rig, grid, SEGMENTS // RAYS**2, COARSEST)
+    rays = RAYS if factor > 1 or single == 1 else 1
     effects = effects_of(options, known, factor)
     lit = [bool((i[m] > 0).any()) for i, m in zip(screened.images, screened.masks, strict=True)]
     if len(scan.rig) < FEWEST_VIEWS or sum(lit) < FEWEST_VIEWS or not effects:
@@ -215,7 +221,7 @@ def _inferred(
         scan.sets_scale,
     )  # fmt: skip
     levels = _own_levels(screened, effects)
-    coarse = Background().applied(observation.coarser(factor).in_sight, levels[:, None])
+    coarse = Background().applied(observation.coarser(factor, rays).in_sight, levels[:, None])
     if not coarse.brightest > 0:
         return screened
     power = math.frexp(coarse.brightest)[1]
