@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import binary_dilation
-from scipy.stats import f as ratio_of_squares
 from scipy.stats import norm
 from scipy.stats import t as student
 
@@ -220,9 +219,6 @@ class _Search:
                     spread = self.spread[name] = self.null(steps).spread(name)
                 score = np.where(state.free[name], 0, size / np.hypot(spread, least))
                 found[name] = score.max(axis=1) / self.own_limit
-                if found[name].max() < 1:
-                    among = np.where(state.free[name].any(axis=1), 0, self._overall(score))
-                    found[name] = np.maximum(found[name], among)
         found[OUTSIDE] = np.zeros(views)
         if self.look_outside and state.fit.around is None and not state.is_dark_around:
             found[OUTSIDE][:] = self._outside(steps)
@@ -244,16 +240,6 @@ class _Search:
         mean, spread = self.null(steps).of(lambda one: one.shared(effect))
         self.bias[effect.name], self.spread[effect.name] = mean, np.array([spread])
         return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit
-
-    def _overall(self, score: NDArray[np.float64]) -> float:
-        """Return how far an effect of all views together exceeds its null, over the limit.
-
-        The largest parameter's mean square counts: it has an F distribution on the null.
-        """
-        views = len(score)
-        tests = score.shape[1] * sum(not effect.shared for effect in self.effects)
-        limit = float(ratio_of_squares.isf(FALSE_ALARMS / 4 / tests, views, DRAWN * views))
-        return float(np.sqrt(np.square(score).mean(axis=0).max() / limit))
 
     def _outside(self, steps: Steps) -> float:
         least = LEAST[OUTSIDE]

@@ -43,10 +43,10 @@ def test_the_truth_moved_farther_is_more_wrong(flame):
     assert errors == sorted(errors)
 
 
-def test_the_report_says_so_from_a_pixel_on(flame):
+def test_the_report_says_so_from_half_a_pixel_on(flame):
     row = calibration._warned_from(flame, "focal length", "clean", (0.5, 1.0))
     assert row.holds
-    assert row.figure == 1.0
+    assert row.figure == 0.5
     assert calibration.warnings_of(flame, "pose", 0.0) == []
 
 
