@@ -144,9 +144,9 @@ def test_steps_of_effects_are_the_same(steps_in, scale):
 
 
 def learned(scan, folder):
-    return reconstruct(
-        load_scan(scan.save(folder)), options=Options(method="wernet", iterations=1)
-    )
+    as_given = {"screen": False, "align": False}  # weights alone say what is wrong
+    options = Options(method="wernet", iterations=1, **as_given)
+    return reconstruct(load_scan(scan.save(folder)), options=options)
 
 
 @pytest.fixture(scope="module")
