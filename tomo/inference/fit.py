@@ -266,12 +266,9 @@ def _columns(
     own, shared, own_departure, shared_departure = [], [], [], []
     deviations = {}
     for effect in effects:
-        deviation = effect.deviation(observation)
-        may = None if free is None else free[effect.name]
-        if may is not None:
-            deviation = np.where(may, deviation, 0.0)
-        deviations[effect.name] = deviation
         full = effect.deviation(observation)
+        deviation = full if free is None else np.where(free[effect.name], full, 0.0)
+        deviations[effect.name] = deviation
         gone = np.zeros_like(full) if values is None else values[effect.name] / full
         if deviation.any():
             columns = effect.columns(prediction)

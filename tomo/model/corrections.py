@@ -69,7 +69,3 @@ class Corrections:
         """The variance of each image's blur, in squared pixels; None where none was found."""
         found = self.values.get("blur")
         return None if found is None or not found.any() else tuple(found[:, 0].tolist())
-
-    def of(self, name: str) -> NDArray[np.float64]:
-        """Return the values of an effect; zeros of one parameter where it was not looked for."""
-        return self.values.get(name, np.zeros((len(self.names), 1)))

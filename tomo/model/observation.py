@@ -85,12 +85,8 @@ class Observation:
         """The observation of the pixels alone whose rays meet the grid."""
         box = VoxelGrid.from_bounds((1, 1, 1), self.grid.lower, self.grid.upper)
         system = LinearSystem.from_rig(self.rig, box, masks=self.masks, form="stored")
-        masks = []
-        for mask, kept in zip(self.masks, system.pixels, strict=True):
-            seen = np.zeros(mask.size, bool)
-            seen[kept] = True
-            masks.append(seen.reshape(mask.shape))
-        return replace(self, masks=tuple(masks))
+        seen = system.images(np.ones(system.projector.shape[0], np.float32))
+        return replace(self, masks=tuple(image > 0 for image in seen))
 
     def in_powers_of_two(self, power: int) -> Observation:
         """Return the observation in units of ``2**power``: single precision holds no extremes."""

@@ -40,12 +40,8 @@ class Surroundings:
 
     def equations(self, system: LinearSystem) -> LinearSystem:
         """Return the equations of the same pixels as a system's, of the voxels around."""
-        masks = []
-        for camera, kept in zip(system.rig, system.pixels, strict=True):
-            width, height = camera.image_size
-            mask = np.zeros(width * height, bool)
-            mask[kept] = True
-            masks.append(mask.reshape(height, width))
+        seen = system.images(np.ones(system.projector.shape[0], np.float32))
+        masks = [image > 0 for image in seen]
         return LinearSystem.from_rig(
             system.rig, self.grid, masks=masks, active=self.active, skip=False, form="stored"
         )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -93,44 +93,11 @@ class Gains:
             self.reference,
         )
 
-    def of_images_before(self, gain: ArrayLike, level: ArrayLike) -> Gains:
-        """Return the gains of images that, corrected to ``(b - level) / gain``, have these.
-
-        Parameters
-        ----------
-        gain, level : (views,)
-
-        Notes
-        -----
-        ``b = gain (g (A x) + o) + level``. The mean of the gains is then not 1 in general.
-        """
-        gain = np.asarray(gain, np.float64)
-        return replace(
-            self,
-            gain=gain * self.gain,
-            offset=np.asarray(level, np.float64) + gain * self.offset,
-            gain_error=gain * self.gain_error,
-            offset_error=gain * self.offset_error,
-        )
-
     @property
     def disagreement(self) -> float:
         """RMS of the gains' logarithms over the views that could be fitted."""
         logs = np.log(self.gain[np.isfinite(self.gain_error)])
         return float(np.sqrt(np.mean(logs**2))) if len(logs) > 1 else 0.0
-
-    @property
-    def views_disagree(self) -> bool:
-        """Whether gains or offsets are far above their errors and worth correcting."""
-        known = np.isfinite(self.gain_error) & (self.gain_error > 0)
-        if np.count_nonzero(known) > 1 and self.disagreement > NOTEWORTHY:
-            score = np.log(self.gain[known]) * self.gain[known] / self.gain_error[known]
-            if np.sum(score**2) > SIGNIFICANT**2 * (np.count_nonzero(known) - 1):
-                return True
-        known = np.isfinite(self.offset_error) & (self.offset_error > 0)
-        far = np.abs(self.offset[known]) > SIGNIFICANT * self.offset_error[known]
-        large = np.abs(self.offset[known]) > NOTEWORTHY * self.scale
-        return bool((far & large).any())
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:
         """Return the gains by camera ``names``, as plain numbers for a report."""
