@@ -79,20 +79,6 @@ class Gains:
         gain, _ = self._of_pixels(projector)
         return (gain**2 * weights).astype(np.float32)
 
-    def then(self, further: Gains) -> Gains:
-        """Return the gains of images that, corrected by these, have the gains ``further``."""
-        known = np.isfinite(further.gain_error)
-        gain = self.gain * further.gain
-        sets_scale = known if self.reference is None else known & self.reference
-        return Gains(
-            gain / geometric_mean(gain[sets_scale]),
-            self.offset + self.gain * further.offset,
-            further.gain_error,
-            self.gain * further.offset_error,
-            further.scale,
-            self.reference,
-        )
-
     @property
     def disagreement(self) -> float:
         """RMS of the gains' logarithms over the views that could be fitted."""
@@ -116,8 +102,3 @@ class Gains:
                 f"gains: found {len(self.gain)}, expected one for each of {len(counts)} views"
             )
         return np.repeat(self.gain, counts), np.repeat(self.offset, counts)
-
-
-def geometric_mean(gain: NDArray[np.float64]) -> float:
-    """Return the geometric mean; 1 for no gains."""
-    return float(np.exp(np.mean(np.log(gain)))) if len(gain) else 1.0

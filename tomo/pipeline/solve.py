@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from typing import Any
@@ -25,7 +25,7 @@ from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.choose import METHOD
 from tomo.selection.smooth_solve import smooth_start
 from tomo.solvers import Iteration, Solution
-from tomo.uncertainty import Resolve
+from tomo.uncertainty import Solve
 
 Watch = Callable[[NDArray[np.float32]], float]
 """Called with the voxels' means ``(nx, ny, nz)`` after every iteration; what it returns becomes
@@ -171,13 +171,12 @@ def choice_of(solved: Solved) -> Choice:
     return Choice(width, strength, found.history[-1].index, math.nan)
 
 
-def repeatable(solved: Solved, options: Options) -> Resolve | None:
+def repeatable(solved: Solved, options: Options) -> Solve | None:
     """Return the solve with as many iterations, for other images; None if the method learns.
 
     From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
-    of the projector ``on_voxel_means``, ``(unknowns,)``. With ``views``, from the pixels of these
-    views alone; all pixels are given all the same. Where all views take part the default starts
-    from where the found volume started: what it makes of the pixels comes after.
+    of the projector ``on_voxel_means``, ``(unknowns,)``. The default starts from where the found
+    volume started: what it makes of the pixels comes after.
     """
     method, found = method_named(options.method), solved.solution
     if method.needs_midpoints:
@@ -189,20 +188,13 @@ def repeatable(solved: Solved, options: Options) -> Resolve | None:
     def start_of_all() -> NDArray[np.float32]:
         return smooth_start(projector, solved.built.measured)
 
-    def again(
-        measured: NDArray[np.float32], views: Sequence[int] | None = None
-    ) -> NDArray[np.float32]:
-        part, kept = projector, weights
-        if views is not None:
-            part, pixels = projector.subset(views), projector.pixels_of(views)
-            measured, kept = measured[pixels], None if weights is None else weights[pixels]
+    def again(measured: NDArray[np.float32]) -> NDArray[np.float32]:
         if method.name == AUTO:
-            start = start_of_all() if views is None else None
-            how = {"weights": kept, "start": start}
-            repeated = solve_as_chosen(part, measured, choice_of(solved), **how)
+            how = {"weights": weights, "start": start_of_all()}
+            repeated = solve_as_chosen(projector, measured, choice_of(solved), **how)
         else:
             arguments = method.arguments(seed=options.seed, iterations=iterations)
-            repeated = method.solver(part, measured, **arguments)
+            repeated = method.solver(projector, measured, **arguments)
         volume = voxel_means_of(projector, projector.active.compress(repeated.volume))
         return projector.on_voxel_means.active.compress(volume)
 

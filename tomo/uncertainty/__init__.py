@@ -10,7 +10,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "bootstrap": ["Deviations", "standard_deviations"],
         "intervals": ["Intervals", "intervals"],
         "part": ["SolveOf"],
-        "residual_noise": ["Resolve", "Solve", "noise_of_images"],
+        "residual_noise": ["Solve", "noise_of_images"],
         "resolution": ["Resolution", "half_widths", "resolution"],
     },
 )

@@ -16,9 +16,6 @@ Solve = Callable[[NDArray[np.float32]], NDArray[np.float32]]
 """The chosen method, with its smoothness and iterations, as a function from the pixels
 ``(pixels,)`` to the unknowns ``(unknowns,)``."""
 
-Resolve = Solve
-"""The same, of a function that may also take the numbers of some views."""
-
 MOST_FITTED = 0.5
 """Largest fraction of the noise's standard deviation that a solve may fit. Beyond it the residual
 is too small, and the images alone give the noise."""
