@@ -91,8 +91,7 @@ class ImageBlur(ImageOperator):
             _matrix_of_view(camera, kept, kernel)
             for camera, kept, kernel in zip(rig, pixels, kernels, strict=True)
         ]
-        matrix = scipy.sparse.block_diag(views, format="csr", dtype=np.float32)
-        return cls(scipy.sparse.csr_array(matrix))
+        return cls(_side_by_side(views))
 
     def __repr__(self) -> str:
         """Name the size."""
@@ -131,8 +130,12 @@ class ImageBlur(ImageOperator):
     def take(self, pixels: NDArray[np.integer]) -> tuple[ImageBlur, NDArray[np.int64]]:
         """Return the blur of some pixels, from the rays that reach them, and those rays."""
         matrix = self.matrix[pixels]
-        needed = np.unique(matrix.indices)
-        return ImageBlur(matrix[:, needed]), needed
+        reached = np.zeros(self.shape[1], bool)
+        reached[matrix.indices] = True
+        needed = np.flatnonzero(reached)
+        number = np.cumsum(reached) - 1
+        entries = matrix.data, number[matrix.indices], matrix.indptr
+        return ImageBlur(scipy.sparse.csr_array(entries, (len(pixels), len(needed)))), needed
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:
@@ -144,7 +147,8 @@ def _matrix_of_view(
     camera: CameraLike, pixels: NDArray[np.integer], kernel: Kernel
 ) -> scipy.sparse.csr_array:
     """Return the weights between the pixels of one view: (pixels, pixels)."""
-    offsets, weight = kernel
+    order = np.lexsort(kernel[0].T)  # by rows, then columns: pixels are read as they lie in memory
+    offsets, weight = kernel[0][order], kernel[1][order]
     reach = int(np.abs(offsets).max())
     columns, rows = camera.image_size
     number = np.full((rows + 2 * reach, columns + 2 * reach), -1)
@@ -155,3 +159,15 @@ def _matrix_of_view(
     weights = np.broadcast_to(weight, near.shape)[there]
     pointers = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
     return scipy.sparse.csr_array((weights, near[there], pointers), (len(pixels), len(pixels)))
+
+
+def _side_by_side(views: Sequence[scipy.sparse.csr_array]) -> scipy.sparse.csr_array:
+    """Return the block-diagonal matrix of the views' own; scipy's takes ten times as long."""
+    pixels = np.cumsum([0, *(one.shape[0] for one in views)])
+    entries = np.cumsum([0, *(one.nnz for one in views)])
+    columns = [one.indices + first for one, first in zip(views, pixels[:-1], strict=True)]
+    pointers = [one.indptr[1:] + first for one, first in zip(views, entries[:-1], strict=True)]
+    data = np.concatenate([np.zeros(0, np.float32), *(one.data for one in views)])
+    indices = np.concatenate([np.zeros(0, np.int64), *columns])
+    indptr = np.concatenate([np.zeros(1, np.int64), *pointers])
+    return scipy.sparse.csr_array((data, indices, indptr), (pixels[-1], pixels[-1]))
