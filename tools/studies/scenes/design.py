@@ -24,7 +24,7 @@ SPECIAL = {
 SPECIAL_RIGS = ("narrow-6", "narrow-8", "narrow-12"), ("ring-6", "dome-8", "two-level-12")
 """Rigs that cut flames beside the axis, and those that see what no view resolves."""
 
-SCENES = {"settle": 5, "report": 9, "fresh": 5}
+SCENES = {"settle": 5, "report": 9, "fresh": 9}
 """Faultless scenes of each family, by half."""
 
 ALARMS = {"settle": 200, "report": 200, "fresh": 60}
