@@ -3,26 +3,87 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
+import numba
 import numpy as np
 import scipy.sparse
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
-from tomo._compute.index_types import index_type
-from tomo._compute.memory import available_memory
+from tomo._compute.jit import compiled
+from tomo._compute.threads import threads_worth
 from tomo.operators.composition import ImageOperator
-from tomo.operators.operator import Matrix, as_float
-from tomo.operators.spmm import products, transposed_products
-from tomo.operators.spmv import part_bounds, product, transposed_product
+from tomo.operators.operator import as_float
 
 Kernel = tuple[NDArray[np.int64], NDArray[np.float32]]
 """``offsets`` (n, 2), columns and rows from a pixel, and the ``weight`` (n,) of each."""
 
-BYTES = 24
-"""Memory of one kernel weight of one pixel while the matrix is built, in bytes. Less lets a system
-start that runs out of memory, more refuses one that would fit."""
+NANOSECONDS = 0.3
+"""Time of one kernel weight of one pixel on one thread. It decides how many threads are woken."""
+
+
+@dataclass(frozen=True, eq=False)
+class Places:
+    """Where the entries of a flat vector of pixels lie in the images, ``(n,)`` each.
+
+    Attributes
+    ----------
+    view, row, column : (n,) int64
+    seen : (n,) bool
+        False for entries that neither give nor receive light.
+    """
+
+    view: NDArray[np.int64]
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    seen: NDArray[np.bool_]
+
+    @classmethod
+    def of(
+        cls,
+        rig: Rig | Sequence[CameraLike],
+        pixels: Sequence[NDArray[np.integer]],
+        seen: NDArray[np.bool_] | None = None,
+    ) -> Places:
+        """Return the places of some pixels ``row * width + column`` of each camera."""
+        split = [np.divmod(kept, one.image_size[0]) for one, kept in zip(rig, pixels, strict=True)]
+        row, column = (np.concatenate(parts) for parts in zip(*split, strict=True))
+        view = np.repeat(np.arange(len(pixels)), [len(kept) for kept in pixels])
+        return cls(view, row, column, np.ones(len(view), bool) if seen is None else seen)
+
+    def take(self, numbers: NDArray[np.integer]) -> Places:
+        """Return some of the entries."""
+        return Places(*(part[numbers] for part in (self.view, self.row, self.column, self.seen)))
+
+    def runs(self, canvas: _Canvases) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """Return pieces of image rows without a gap, and where those of each view begin.
+
+        ``(runs, 3)``: the first entry, its place on the view's canvas, and the number of pixels;
+        ``(views + 1,)``.
+        """
+        own = np.flatnonzero(self.seen)
+        view, row, column = self.view[own], self.row[own], self.column[own]
+        same = (np.diff(view) == 0) & (np.diff(row) == 0) & (np.diff(column) == 1)
+        same &= np.diff(own) == 1
+        first = np.flatnonzero(np.r_[True, ~same][: len(own)])
+        count = np.diff(np.r_[first, len(own)])
+        place = (row - canvas.top[view]) * canvas.width[view] + column - canvas.left[view]
+        order = np.argsort(view[first], kind="stable")
+        found = np.stack([own[first], place[first], count], axis=1)[order]
+        begins = np.searchsorted(view[first][order], np.arange(len(canvas.width) + 1))
+        return found, begins
+
+
+class _Canvases(NamedTuple):
+    """The rectangle that holds the pixels of each view and what their kernels reach: (views,)."""
+
+    top: NDArray[np.int64]
+    left: NDArray[np.int64]
+    width: NDArray[np.int64]
+    size: NDArray[np.int64]
 
 
 class ImageBlur(ImageOperator):
@@ -33,31 +94,46 @@ class ImageBlur(ImageOperator):
 
     Parameters
     ----------
-    matrix : (pixels, rays) float32 sparse
-        Entry ``(p, q)``: the fraction of the light of ray ``q`` that reaches pixel ``p``. See
-        `from_kernels`, `tomo.operators.lens_blur` and `tomo.operators.footprint_blur`.
+    kernels : sequence of ((n, 2) int64, (n,) float32)
+        For each view the rays that a pixel gets its light from, in columns and rows from its own,
+        and the fraction of each.
+    pixels, rays : Places
+        The images after and before the blur.
+    own : (pixels,) float32, optional
+        What a pixel gets beside that from the ray at its place; nothing when None.
 
     Notes
     -----
-    Forward ``(B y)_p = sum_q B_pq y_q``, summed in double precision; the adjoint goes through the
-    same entries. Both as in `Projector`: the same bits on any number of threads.
+    Forward ``(B y)_p = sum_k w_k y_(p + k) + own_p y_p``, summed in double precision; the adjoint
+    goes through the same weights. Rays that take no part are dark. Each view is laid out as an
+    image, whose rows the kernel runs along. The same bits on any number of threads.
 
     Examples
     --------
     >>> out_of_focus = lens_blur(rig, pixels, grid, 0.5) @ rays    # doctest: +SKIP
     """
 
-    def __init__(self, matrix: scipy.sparse.csr_array) -> None:
-        self.matrix = matrix
-        super().__init__(dtype=matrix.dtype, shape=matrix.shape)
+    def __init__(
+        self,
+        kernels: Sequence[Kernel],
+        pixels: Places,
+        rays: Places,
+        own: NDArray[np.float32] | None = None,
+    ) -> None:
+        self.kernels, self.pixels, self.rays = tuple(kernels), pixels, rays
+        self.own = np.zeros(len(pixels.view), np.float32) if own is None else own
+        shape = len(pixels.view), len(rays.view)
+        super().__init__(dtype=np.dtype(np.float32), shape=shape)
 
     @classmethod
     def from_kernels(
         cls,
-        rig: Rig,
+        rig: Rig | Sequence[CameraLike],
         pixels: Sequence[NDArray[np.integer]],
         kernels: Sequence[Kernel],
-        what: str = "image blur",
+        *,
+        seen: NDArray[np.bool_] | None = None,
+        keeps_light: bool = False,
     ) -> ImageBlur:
         """Return the blur of the pixels of a rig's images by one kernel a camera.
 
@@ -70,104 +146,163 @@ class ImageBlur(ImageOperator):
         kernels : sequence of ((n, 2) int64, (n,) float32)
             For each camera the pixels that the light of a ray reaches, in columns and rows from
             its own, and the fraction that reaches each.
-        what : str
-            The subject of the error about memory.
-
-        Raises
-        ------
-        ValueError
-            If the matrix would not fit in memory.
+        seen : (pixels,) bool, optional
+            Pixels that take part after all; all when None.
+        keeps_light : bool
+            Whether light that would come from dark pixels is taken to be that of the pixel itself:
+            its weights then sum to one.
         """
-        counts = [
-            len(kept) * len(weight) for kept, (_, weight) in zip(pixels, kernels, strict=True)
-        ]
-        needed, available = BYTES * (max(counts) + sum(counts)), available_memory()
-        if needed > available:
-            raise ValueError(
-                f"{what} would take about {needed / 1e9:.1f} GB, expected at most "
-                f"{available / 1e9:.1f} GB: use smaller images (--scale)"
-            )
-        views = [
-            _matrix_of_view(camera, kept, kernel)
-            for camera, kept, kernel in zip(rig, pixels, kernels, strict=True)
-        ]
-        return cls(_side_by_side(views))
+        places = Places.of(rig, pixels, seen)
+        found = cls(kernels, places, places)
+        if not keeps_light:
+            return found
+        missing = places.seen - found @ np.ones(len(places.view))
+        return cls(kernels, places, places, missing.astype(np.float32))
 
     def __repr__(self) -> str:
         """Name the size."""
         return f"<ImageBlur: {self.shape[0]} pixels>"
 
     @cached_property
-    def _entries(self) -> Matrix:
-        """The matrix as compiled products take it."""
-        pointers = self.matrix.indptr.astype(np.int64)
-        indices = self.matrix.indices.astype(index_type(self.matrix.shape[1]), copy=False)
-        return pointers[:-1], pointers[1:], indices.view(f"u{indices.itemsize}"), self.matrix.data
+    def _canvases(self) -> _Canvases:
+        reach = np.array([np.abs(offsets).max(initial=0) for offsets, _ in self.kernels], np.int64)
+        low = np.full((2, len(reach)), np.iinfo(np.int64).max)
+        high = np.full((2, len(reach)), -1, np.int64)
+        for part in (self.pixels, self.rays):
+            for axis, place in enumerate((part.row, part.column)):
+                np.minimum.at(low[axis], part.view, place)
+                np.maximum.at(high[axis], part.view, place)
+        empty = high[0] < 0
+        low, high = np.where(empty, 0, low - reach), np.where(empty, -1, high + reach)
+        height, width = high - low + 1
+        return _Canvases(low[0], low[1], width, height * width)
 
     @cached_property
-    def _parts(self) -> NDArray[np.int64]:
-        return part_bounds(np.diff(self.matrix.indptr), self.matrix.shape[1])
+    def _weights(self) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.int64]]:
+        """Where each weight is on its view's canvas, the weights, and the first of each view."""
+        width = self._canvases.width
+        moves = [
+            offsets[:, 1] * step + offsets[:, 0]
+            for (offsets, _), step in zip(self.kernels, width, strict=True)
+        ]
+        first = np.cumsum([0, *(len(weight) for _, weight in self.kernels)])
+        weights = [np.asarray(weight, np.float32) for _, weight in self.kernels]
+        return np.concatenate(moves), np.concatenate(weights), first
+
+    @cached_property
+    def _pixel_runs(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return self.pixels.runs(self._canvases)
+
+    @cached_property
+    def _ray_runs(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        return self._pixel_runs if self.rays is self.pixels else self.rays.runs(self._canvases)
+
+    @cached_property
+    def _work(self) -> float:
+        """Nanoseconds of one product on one thread, about."""
+        counts = np.bincount(self.pixels.view, minlength=len(self.kernels))
+        return NANOSECONDS * float(counts @ np.diff(self._weights[2]))
 
     def _matvec(self, x: NDArray) -> NDArray:
-        x = as_float(x.ravel())
-        images = np.zeros(self.shape[0], x.dtype)
-        product(*self._entries, x, images, self.matrix.nnz)
+        x, images = as_float(x.ravel()), np.zeros(self.shape[0], as_float(x).dtype)
+        moves, weights, first = self._weights
+        one = np.ones(self.shape[1], np.float32)
+        with threads_worth(self._work):
+            _blurred(
+                x, one, *self._ray_runs, images, self.own, *self._pixel_runs,
+                self._canvases.size, moves, weights, first,
+            )  # fmt: skip
         return images
 
     def _rmatvec(self, y: NDArray) -> NDArray:
-        y = as_float(y.ravel())
-        gathered = np.zeros(self.shape[1], y.dtype)
-        transposed_product(*self._entries, y, self._parts, gathered, self.matrix.nnz)
+        y, gathered = as_float(y.ravel()), np.zeros(self.shape[1], as_float(y).dtype)
+        moves, weights, first = self._weights
+        one = np.ones(self.shape[1], np.float32)
+        with threads_worth(self._work):
+            _blurred(
+                y, self.own, *self._pixel_runs, gathered, one, *self._ray_runs,
+                self._canvases.size, -moves, weights, first,
+            )  # fmt: skip
         return gathered
 
     def _matmat(self, x: NDArray) -> NDArray:
-        return products(self._entries, x, self.matrix.nnz)
+        columns = [self._matvec(np.ascontiguousarray(column)) for column in x.T]
+        return np.stack(columns, axis=1)
 
     def _rmatmat(self, y: NDArray) -> NDArray:
-        pixels = self.shape[1]
-        return transposed_products(self._entries, y, self._parts, pixels, self.matrix.nnz)
+        columns = [self._rmatvec(np.ascontiguousarray(column)) for column in y.T]
+        return np.stack(columns, axis=1)
 
     def take(self, pixels: NDArray[np.integer]) -> tuple[ImageBlur, NDArray[np.int64]]:
         """Return the blur of some pixels, from the rays that reach them, and those rays."""
-        matrix = self.matrix[pixels]
-        reached = np.zeros(self.shape[1], bool)
-        reached[matrix.indices] = True
-        needed = np.flatnonzero(reached)
-        number = np.cumsum(reached) - 1
-        entries = matrix.data, number[matrix.indices], matrix.indptr
-        return ImageBlur(scipy.sparse.csr_array(entries, (len(pixels), len(needed)))), needed
+        even = [(offsets, np.ones_like(weight)) for offsets, weight in self.kernels]
+        some, own = self.pixels.take(pixels), self.own[pixels]
+        everything = ImageBlur(even, some, self.rays, np.ones_like(own))
+        needed = np.flatnonzero(everything.T @ np.ones(len(pixels), np.float32))
+        return ImageBlur(self.kernels, some, self.rays.take(needed), own), needed
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:
-        """The columns and the weights of the entries."""
-        return self.matrix.indices, self.matrix.data
+        """The places of pixels and rays, and the weights."""
+        parts = (self.pixels, self.rays)
+        places = [array for part in parts for array in (part.view, part.row, part.column)]
+        return *places, self.own, *self._weights
+
+    def to_scipy(self) -> scipy.sparse.csr_array:
+        """Return the matrix, ``(pixels, rays)`` float32: slow, for tests and for other programs."""
+        place = {
+            where: number
+            for number, where in enumerate(
+                zip(self.rays.view, self.rays.row, self.rays.column, strict=True)
+            )
+            if self.rays.seen[number]
+        }
+        entries: list[tuple[int, int, float]] = []
+        parts = self.pixels.view, self.pixels.row, self.pixels.column
+        for pixel, (view, row, column) in enumerate(zip(*parts, strict=True)):
+            if not self.pixels.seen[pixel]:
+                continue
+            offsets, weights = self.kernels[view]
+            for (right, down), weight in zip(offsets, weights, strict=True):
+                ray = place.get((view, row + down, column + right))
+                if ray is not None:
+                    entries.append((pixel, ray, weight))
+            if self.own[pixel]:
+                entries.append((pixel, place[view, row, column], self.own[pixel]))
+        rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
+        values = np.asarray(values, np.float32)
+        return scipy.sparse.csr_array((values, (rows, columns)), self.shape)
 
 
-def _matrix_of_view(
-    camera: CameraLike, pixels: NDArray[np.integer], kernel: Kernel
-) -> scipy.sparse.csr_array:
-    """Return the weights between the pixels of one view: (pixels, pixels)."""
-    order = np.lexsort(kernel[0].T)  # by rows, then columns: pixels are read as they lie in memory
-    offsets, weight = kernel[0][order], kernel[1][order]
-    reach = int(np.abs(offsets).max())
-    columns, rows = camera.image_size
-    number = np.full((rows + 2 * reach, columns + 2 * reach), -1)
-    row, column = pixels // columns + reach, pixels % columns + reach
-    number[row, column] = np.arange(len(pixels))
-    near = number[row[:, None] + offsets[:, 1], column[:, None] + offsets[:, 0]]  # (pixels, n)
-    there = near >= 0
-    weights = np.broadcast_to(weight, near.shape)[there]
-    pointers = np.concatenate([[0], np.cumsum(there.sum(axis=1))])
-    return scipy.sparse.csr_array((weights, near[there], pointers), (len(pixels), len(pixels)))
+@compiled(parallel=True)
+def _blurred(
+    values, own, runs, run_ptr, out, own_out, out_runs, out_ptr, sizes, moves, weights, kernel_ptr
+):
+    """Write to ``out`` the weighted ``values`` around each of its places, and those at it.
 
-
-def _side_by_side(views: Sequence[scipy.sparse.csr_array]) -> scipy.sparse.csr_array:
-    """Return the block-diagonal matrix of the views' own; scipy's takes ten times as long."""
-    pixels = np.cumsum([0, *(one.shape[0] for one in views)])
-    entries = np.cumsum([0, *(one.nnz for one in views)])
-    columns = [one.indices + first for one, first in zip(views, pixels[:-1], strict=True)]
-    pointers = [one.indptr[1:] + first for one, first in zip(views, entries[:-1], strict=True)]
-    data = np.concatenate([np.zeros(0, np.float32), *(one.data for one in views)])
-    indices = np.concatenate([np.zeros(0, np.int64), *columns])
-    indptr = np.concatenate([np.zeros(1, np.int64), *pointers])
-    return scipy.sparse.csr_array((data, indices, indptr), (pixels[-1], pixels[-1]))
+    ``out_p = sum_k weights_k values_(p + moves_k) + own_out_p own_p values_p``.
+    """
+    for view in numba.prange(len(sizes)):
+        canvas = np.zeros(sizes[view], values.dtype)
+        alone = np.zeros(sizes[view], values.dtype)
+        longest = np.int64(0)
+        for run in range(run_ptr[view], run_ptr[view + 1]):
+            first, place = np.uint64(runs[run, 0]), np.uint64(runs[run, 1])
+            for i in range(np.uint64(runs[run, 2])):
+                canvas[place + i] = values[first + i]
+                alone[place + i] = own[first + i] * values[first + i]
+        for run in range(out_ptr[view], out_ptr[view + 1]):
+            longest = max(longest, out_runs[run, 2])
+        sums = np.zeros(longest)
+        for run in range(out_ptr[view], out_ptr[view + 1]):
+            first, place = np.uint64(out_runs[run, 0]), np.uint64(out_runs[run, 1])
+            count = np.uint64(out_runs[run, 2])
+            for i in range(count):
+                sums[i] = np.float64(own_out[first + i]) * alone[place + i]
+            for k in range(kernel_ptr[view], kernel_ptr[view + 1]):
+                weight = np.float64(weights[k])
+                near = np.uint64(out_runs[run, 1] + moves[k])
+                for i in range(count):
+                    sums[i] += weight * canvas[near + i]
+            for i in range(count):
+                out[first + i] = sums[i]

@@ -43,8 +43,8 @@ def lens_blur(
     Raises
     ------
     ValueError
-        If the diameter is not a number above 0, the grid's centre is behind a camera, a disc is
-        larger than its image, or the matrix would not fit in memory.
+        If the diameter is not a number above 0, the grid's centre is behind a camera, or a disc
+        is larger than its image.
     """
     if not (math.isfinite(diameter) and diameter > 0):
         raise ValueError(f"blur: found {diameter}, expected a diameter above 0")
@@ -52,9 +52,7 @@ def lens_blur(
     width = math.sqrt(max(diameter**2 - of_voxel, 0.0))
     sizes = rig.footprint(grid.center)
     kernels = [_kernel_of(camera, size, width) for camera, size in zip(rig, sizes, strict=True)]
-    return ImageBlur.from_kernels(
-        rig, pixels, kernels, f"blur: found {diameter:g}: the matrix of its discs"
-    )
+    return ImageBlur.from_kernels(rig, pixels, kernels)
 
 
 def _kernel_of(camera: CameraLike, size: float, width: float) -> Kernel:

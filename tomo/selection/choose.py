@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.selection.fits import Fit, Fits, Progress, Tried
-from tomo.selection.folds import Fold, blocks_to_leave_out, runs_of_pixels
+from tomo.selection.folds import LEFT_OUT, Fold, blocks_to_leave_out, runs_of_pixels
 from tomo.selection.slab import part_to_choose_by
 from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 from tomo.solvers import Solution
@@ -37,6 +37,9 @@ FIRST = 1, 1
 MOVES = (1, -1), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, 1)
 """Where a better setting is looked for, in numbers of width and strength: a wider basis is smooth
 by itself and asks for a weaker prior. The first that is better is taken."""
+
+ENOUGH_BLOCKS = 100
+"""Left-out blocks that decide well enough: small images are left out in several folds."""
 
 DARK = (0.0, 1e-3, 10)
 """Width, strength and iterations for dark images, which predict nothing."""
@@ -109,7 +112,7 @@ def choose_by_left_out_pixels(
     measured = check_measured(projector, measured)
     if not measured.any():
         return Choice(*DARK, math.nan, reason="the images are dark")
-    fits = Fits(_fold(projector, measured, blocks, weights), progress)
+    fits = Fits(_folds(projector, measured, blocks, weights), progress)
     best = _least_error(fits)
     if progress:
         progress(fits.total, fits.total, "")
@@ -118,22 +121,27 @@ def choose_by_left_out_pixels(
     return Choice(best.width, best.strength, best.iterations, residual, reason, fits.tried)
 
 
-def _fold(
+def _folds(
     projector: ProjectionOperator,
     measured: NDArray[np.float32],
     blocks: NDArray[np.int64] | None,
     weights: NDArray[np.float32] | None,
-) -> Fold | None:
-    """Return the pixels to fit and those to predict; None where none can be left out."""
+) -> list[Fold]:
+    """Return as many folds as leave out enough blocks that see a voxel, of a slab if it is large."""
     blocks = runs_of_pixels(projector) if blocks is None else blocks
     part = part_to_choose_by(projector, measured)
     if part is not None:
         projector, measured, blocks = part.projector, part.measured, blocks[part.pixels]
         weights = None if weights is None else weights[part.pixels]
-    held = blocks_to_leave_out(blocks) & (projector.row_sums > 0)
-    if not held.any() or held.all():
-        return None
-    return Fold.leaving_out(held, projector, measured, weights, blocks)
+    seen = projector.row_sums > 0
+    a_fold = LEFT_OUT * len(np.unique(blocks[seen]))
+    count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), round(1 / LEFT_OUT))
+    held = (blocks_to_leave_out(blocks, number) & seen for number in range(count))
+    return [
+        Fold.leaving_out(each, projector, measured, weights, blocks)
+        for each in held
+        if each.any() and not each.all()
+    ]
 
 
 def _least_error(fits: Fits) -> Fit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
@@ -48,18 +48,18 @@ class Fit:
 
 @dataclass(eq=False)
 class Fits:
-    """The fold that compares settings, and the fits so far.
+    """The folds that compare settings, and the fits so far.
 
     Attributes
     ----------
-    fold : Fold, optional
-        None where no pixel can be left out: then every setting is as good.
+    folds : sequence of Fold
+        None of them where no pixel can be left out: every setting is as good then.
     progress : callable, optional
     total : int
         Fits that the progress counts to.
     """
 
-    fold: Fold | None
+    folds: Sequence[Fold]
     progress: Progress | None = None
     total: int = 12
     done: dict[tuple[float, float], Fit] = field(default_factory=dict)
@@ -89,48 +89,51 @@ class Fits:
 
     @cached_property
     def _light(self) -> float:
-        return (self.fold.squared_light if self.fold else 0.0) or 1.0
+        return sum(fold.squared_light for fold in self.folds) or 1.0
 
     @cached_property
-    def _start(self) -> NDArray[np.float32]:
-        assert self.fold is not None
-        return smooth_start(self.fold.training, self.fold.training_pixels)
+    def _starts(self) -> list[NDArray[np.float32]]:
+        return [smooth_start(fold.training, fold.training_pixels) for fold in self.folds]
 
     def _run(self, width: float, strength: float) -> Fit:
-        """Run a setting, and stop it where it predicts best."""
-        if self.fold is None:
-            return Fit(width, strength, CHECKPOINTS[1], 0.0)
-        errors: list[float] = []
-        found = solve_smoothly(
-            self.fold.training,
-            self.fold.training_pixels,
-            width=width,
-            strength=strength,
-            iterations=CHECKPOINTS[-1],
-            start=self._start,
-            weights=self.fold.training_weights,
-            callback=self._evaluation(self.fold, errors),
-        )
-        if not errors:  # it converged before the first checkpoint
-            volume = self.fold.training.active.compress(found.volume)
-            errors.append(float(self.fold.squared_errors(volume).sum()))
+        """Run every fold, and stop all of them where together they predict best."""
+        to_reach = min((fit.error for fit in self.done.values()), default=np.inf)
+        both = zip(self.folds, self._starts, strict=True)
+        runs = [_errors(fold, start, width, strength, to_reach) for fold, start in both]
+        # a fold that settled earlier stays as it was
+        length = max(map(len, runs), default=1)
+        errors = [sum(run[min(at, len(run) - 1)] for run in runs) for at in range(length)]
         stop = int(np.argmin(errors))
         return Fit(width, strength, CHECKPOINTS[stop], errors[stop])
 
-    def _evaluation(
-        self, fold: Fold, errors: list[float]
-    ) -> Callable[[int, NDArray[np.float32], float], bool]:
-        """Return what appends the error at each checkpoint, and says where a fit may end."""
-        to_reach = min((fit.error for fit in self.done.values()), default=np.inf)
 
-        def evaluate(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
-            if index not in CHECKPOINTS:
-                return False
-            errors.append(float(fold.squared_errors(volume).sum()))
-            if len(errors) < 2:
-                return False
-            before, now = errors[-2:]
-            enough = min(SETTLED * (fold.squared_light - now), STILL_FALLING * now)
-            return before - now < enough or now - CATCHING_UP * (before - now) > to_reach
+def _errors(
+    fold: Fold, start: NDArray[np.float32], width: float, strength: float, to_reach: float
+) -> list[float]:
+    """Return the errors of the left-out pixels at the checkpoints that a fit reaches."""
+    errors: list[float] = []
 
-        return evaluate
+    def evaluate(index: int, volume: NDArray[np.float32], _residual: float) -> bool:
+        if index not in CHECKPOINTS:
+            return False
+        errors.append(float(fold.squared_errors(volume).sum()))
+        if len(errors) < 2:
+            return False
+        before, now = errors[-2:]
+        enough = min(SETTLED * (fold.squared_light - now), STILL_FALLING * now)
+        return before - now < enough or now - CATCHING_UP * (before - now) > to_reach
+
+    found = solve_smoothly(
+        fold.training,
+        fold.training_pixels,
+        width=width,
+        strength=strength,
+        iterations=CHECKPOINTS[-1],
+        start=start,
+        weights=fold.training_weights,
+        callback=evaluate,
+    )
+    if not errors:  # it converged before the first checkpoint
+        volume = fold.training.active.compress(found.volume)
+        errors.append(float(fold.squared_errors(volume).sum()))
+    return errors

@@ -7,7 +7,6 @@ from functools import lru_cache
 
 import numpy as np
 import scipy.optimize
-import scipy.sparse
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
@@ -86,27 +85,14 @@ def footprint_blur(
     Raises
     ------
     ValueError
-        If the grid's centre is behind a camera, or the matrix would not fit in memory.
+        If the grid's centre is behind a camera.
     """
     wider = variances or (0.0,) * len(rig)
     kernels = [
         _widened(_kernel_of(camera, grid, supersample), variance)
         for camera, variance in zip(rig, wider, strict=True)
     ]
-    own = np.flatnonzero(seen)
-    by_view = np.split(seen, np.cumsum([len(kept) for kept in pixels])[:-1])
-    kept = [all_kept[some] for all_kept, some in zip(pixels, by_view, strict=True)]
-    among = ImageBlur.from_kernels(
-        rig, kept, kernels, "basis: found linear: its image blur"
-    ).matrix
-    missing = 1.0 - among.sum(axis=1, dtype=np.float64)
-    among = (among + scipy.sparse.diags_array(missing.astype(np.float32))).tocsr()
-    pointers = np.zeros(len(seen) + 1, np.int64)
-    pointers[own + 1] = np.diff(among.indptr)
-    matrix = scipy.sparse.csr_array(
-        (among.data, own[among.indices], np.cumsum(pointers)), (len(seen), len(seen))
-    )
-    return ImageBlur(matrix)
+    return ImageBlur.from_kernels(rig, pixels, kernels, seen=seen, keeps_light=True)
 
 
 def _widened(kernel: Kernel, variance: float) -> Kernel:

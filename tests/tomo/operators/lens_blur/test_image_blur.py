@@ -1,29 +1,56 @@
 import numpy as np
 import pytest
-import scipy.sparse
 
+import rigs
 from tomo import LinearSystem
 from tomo.operators import ImageBlur
 
 
+VIEWS = (np.arange(100), np.arange(0), np.arange(3, 453, 3), np.arange(150))
+"""The pixels of images of 20 x 30 that take part: 100, none, 150 with gaps, 150."""
+
+
 @pytest.fixture(scope="module")
-def kernel(lines):
-    """Random weights within each view, about a dozen a pixel."""
+def images():
+    """Other random weights for each view, and a part of the light that stays where it is."""
     random = np.random.default_rng(1)
-    parts = [
-        scipy.sparse.random_array((n, n), density=12 / max(n, 1), rng=random, format="csr")
-        for n in np.diff(lines.view_ptr)
-        if n
-    ]
-    return scipy.sparse.csr_array(
-        scipy.sparse.block_diag(parts, format="csr", dtype=np.float32)
-        + scipy.sparse.eye_array(400, dtype=np.float32)
-    )
+    kernels = []
+    for _ in VIEWS:
+        place = random.choice(49, size=12, replace=False)
+        offsets = np.stack(np.divmod(place, 7), axis=1) - 3
+        kernels.append((offsets, random.random(12).astype(np.float32)))
+    rig = rigs.ring(4, distance=100.0, image_size=(20, 30), footprint=1.0)
+    seen = random.random(400) > 0.1
+    return ImageBlur.from_kernels(rig, VIEWS, kernels, seen=seen, keeps_light=True)
 
 
 @pytest.fixture(scope="module")
-def blurred(lines, kernel):
-    return ImageBlur(kernel) @ lines
+def kernel(images):
+    return images.to_scipy()
+
+
+@pytest.fixture(scope="module")
+def blurred(lines, images):
+    return images @ lines
+
+
+def test_the_matrix_has_each_weight_at_the_pixel_that_its_kernel_says(images, kernel):
+    pixel = 250 + 20 * 4 + 9  # of the last view: row 4, column 9
+    offsets, weights = images.kernels[3]
+    expected = np.zeros(400)
+    for (right, down), weight in zip(offsets, weights, strict=True):
+        row, column = 4 + down, 9 + right
+        if 0 <= row and 0 <= column < 20 and 20 * row + column < 150:
+            expected[250 + 20 * row + column] += weight
+    expected *= images.rays.seen
+    expected[pixel] += 1 - expected.sum()
+    found = kernel[[pixel]].toarray().ravel()
+    np.testing.assert_allclose(found, expected * images.pixels.seen[pixel], atol=1e-6)
+
+
+def test_light_is_kept_where_that_is_asked_for_and_nothing_else_is_seen(images, kernel):
+    np.testing.assert_allclose(kernel.sum(axis=1), images.pixels.seen, atol=1e-6)
+    assert not kernel[:, ~images.rays.seen].nnz
 
 
 def some_of(operator):
@@ -74,11 +101,11 @@ def test_the_bits_do_not_depend_on_the_threads(blurred, on_threads):
     assert found[0] == found[1]
 
 
-def test_a_kernel_of_other_rays_is_refused(lines, kernel):
+def test_images_of_other_rays_are_refused(lines, images):
     with pytest.raises(
         ValueError, match="image operator: found one of 300 pixels, expected the 400 of the rays"
     ):
-        ImageBlur(kernel[:, :300]) @ lines
+        ImageBlur(images.kernels, images.pixels, images.rays.take(np.arange(300))) @ lines
 
 
 def test_repr_names_the_rays(blurred):
