@@ -249,7 +249,7 @@ class ImageBlur(ImageOperator):
         return *places, self.own, *self._weights
 
     def to_scipy(self) -> scipy.sparse.csr_array:
-        """Return the matrix, ``(pixels, rays)`` float32: slow, for tests and for other programs."""
+        """Return the matrix, ``(pixels, rays)`` float32: slow, for tests and other programs."""
         place = {
             where: number
             for number, where in enumerate(
@@ -270,8 +270,8 @@ class ImageBlur(ImageOperator):
             if self.own[pixel]:
                 entries.append((pixel, place[view, row, column], self.own[pixel]))
         rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
-        values = np.asarray(values, np.float32)
-        return scipy.sparse.csr_array((values, (rows, columns)), self.shape)
+        data = np.asarray(values, np.float32)
+        return scipy.sparse.csr_array((data, (rows, columns)), self.shape)
 
 
 @compiled(parallel=True)

@@ -127,7 +127,7 @@ def _folds(
     blocks: NDArray[np.int64] | None,
     weights: NDArray[np.float32] | None,
 ) -> list[Fold]:
-    """Return as many folds as leave out enough blocks that see a voxel, of a slab if it is large."""
+    """Return the folds that leave out enough blocks, of all pixels or of a slab."""
     blocks = runs_of_pixels(projector) if blocks is None else blocks
     part = part_to_choose_by(projector, measured)
     if part is not None:

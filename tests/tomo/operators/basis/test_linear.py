@@ -169,7 +169,9 @@ def test_the_kernel_has_the_variance_of_footprint_and_pixel_area(footprint):
     middle = height // 2 * width + width // 2
     system = LinearSystem.from_rig(rig, GRID, skip=False)
     (row,) = np.flatnonzero(system.pixels[0] == middle)
-    weights = system.with_linear_basis().projector.projector.images.to_scipy()[[row]].toarray().ravel()
+    weights = (
+        system.with_linear_basis().projector.projector.images.to_scipy()[[row]].toarray().ravel()
+    )
     place = np.stack([system.pixels[0] % width, system.pixels[0] // width], 1) - [
         width // 2, height // 2
     ]  # fmt: skip

@@ -5,7 +5,6 @@ import rigs
 from tomo import LinearSystem
 from tomo.operators import ImageBlur
 
-
 VIEWS = (np.arange(100), np.arange(0), np.arange(3, 453, 3), np.arange(150))
 """The pixels of images of 20 x 30 that take part: 100, none, 150 with gaps, 150."""
 
@@ -40,7 +39,7 @@ def test_the_matrix_has_each_weight_at_the_pixel_that_its_kernel_says(images, ke
     expected = np.zeros(400)
     for (right, down), weight in zip(offsets, weights, strict=True):
         row, column = 4 + down, 9 + right
-        if 0 <= row and 0 <= column < 20 and 20 * row + column < 150:
+        if row >= 0 and 0 <= column < 20 and 20 * row + column < 150:
             expected[250 + 20 * row + column] += weight
     expected *= images.rays.seen
     expected[pixel] += 1 - expected.sum()
