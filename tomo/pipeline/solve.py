@@ -22,7 +22,6 @@ from tomo.pipeline.methods import AUTO, Method, method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
-from tomo.selection.choose import METHOD
 from tomo.selection.smooth_solve import smooth_start
 from tomo.solvers import Iteration, Solution
 from tomo.uncertainty import Solve
@@ -144,7 +143,7 @@ def solve_by(
         )
         if iterations is not None:
             choice = replace(choice, iterations=iterations)
-        name, total, solving = METHOD, choice.iterations, time.perf_counter()
+        name, total, solving = choice.method, choice.iterations, time.perf_counter()
         extra = {"chosen_by": "auto", "tried": choice.tried}
         found = solve_as_chosen(
             projector, built.measured, choice, weights=built.weights, callback=note

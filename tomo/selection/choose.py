@@ -28,10 +28,11 @@ METHOD = "curvature"
 WIDTHS = (0.0, 0.6, 1.0, 1.6)
 """Standard deviations of the Gaussian basis that are tried, in voxels."""
 
-STRENGTHS = tuple(10.0**n for n in (-4.5, -3.5, -2.5, -1.5, -0.5))
-"""Strengths of the prior that are tried. Finer steps cost fits and choose no better."""
+STRENGTHS = (0.0, *(10.0**n for n in (-4.5, -3.5, -2.5, -1.5, -0.5)))
+"""Strengths of the prior that are tried. Finer steps cost fits and choose no better. Zero, on
+voxels alone, is `tomo.solvers.mlem`: light in peaks as narrow as voxels."""
 
-FIRST = 1, 1
+FIRST = 1, 2
 """The width and the strength that are tried first, by their numbers."""
 
 MOVES = (1, -1), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, 1)
@@ -54,7 +55,8 @@ class Choice:
     width : float
         Standard deviation of the Gaussian basis, in voxels; 0 for none.
     strength : float
-        Strength of the prior on relative curvature, see `tomo.solvers.curvature`.
+        Strength of the prior on relative curvature, see `tomo.solvers.curvature`; 0 for none, with
+        pixels as counts, see `tomo.solvers.mlem`.
     iterations : int
     held_out_residual : float
         Relative residual of the left-out pixels; NaN if none could be left out.
@@ -70,6 +72,11 @@ class Choice:
     held_out_residual: float
     reason: str = ""
     tried: tuple[Tried, ...] = ()
+
+    @property
+    def method(self) -> str:
+        """The solver, as reports name it."""
+        return METHOD if self.strength else "mlem"
 
     @property
     def setting(self) -> Tried:
@@ -104,10 +111,9 @@ def choose_by_left_out_pixels(
     Notes
     -----
     One in eight blocks is left out, of all pixels or of a slab of a large volume. The search goes
-    from setting to neighbouring setting (`MOVES`) while the error of the left-out pixels falls,
-    and the setting of the least error is taken: the smoothest within one standard error of it
-    (Breiman, Friedman, Stone and Olshen, "Classification and Regression Trees", 1984, section
-    3.4.3) was worse on noisy scenes, by 24 % at most and 1 % on average.
+    from setting to neighbouring setting (`MOVES`) while the error of the left-out pixels falls.
+    The setting of the least error is taken: the smoothest within one standard error of it (Breiman, Friedman, Stone and Olshen, "Classification and Regression
+    Trees", 1984, section 3.4.3) was worse on noisy scenes, by 24 % at most and 1 % on average.
     """
     measured = check_measured(projector, measured)
     if not measured.any():
@@ -152,7 +158,7 @@ def _least_error(fits: Fits) -> Fit:
         better = False
         for move in MOVES:
             there = at[0] + move[0], at[1] + move[1]
-            inside = 0 <= there[0] < len(WIDTHS) and 0 <= there[1] < len(STRENGTHS)
+            inside = 0 <= there[0] < len(WIDTHS) and (there[0] > 0) <= there[1] < len(STRENGTHS)
             if not inside or there in seen:
                 continue
             seen.add(there)

@@ -117,6 +117,18 @@ def test_a_choice_is_made_from_a_handful_of_pixels(size):
     assert np.isfinite(solve_as_chosen(projector, images, choice).volume).all()
 
 
+def test_peaks_as_narrow_as_voxels_are_counted(projector):
+    """A few bright voxels: no prior fits them, and MLEM, which has none, is chosen."""
+    truth = np.zeros(projector.grid.shape, np.float32)
+    truth[tuple(np.random.default_rng(1).integers(2, 12, (3, 8)))] = 1
+    images = (projector @ truth.ravel()).astype(np.float32)
+    choice = choose_by_left_out_pixels(projector, images)
+    assert (choice.width, choice.strength, choice.method) == (0, 0, "mlem")
+    found = solve_as_chosen(projector, images, choice)
+    assert np.linalg.norm(found.volume - truth) < 0.05 * np.linalg.norm(truth)
+    assert found.settings["strength"] == found.settings["smooth_width"] == 0
+
+
 def test_dark_images_get_a_dark_volume(projector):
     images = np.zeros(projector.shape[0])
     choice = choose_by_left_out_pixels(projector, images)
