@@ -39,8 +39,9 @@ MOVES = (1, -1), (-1, 0), (1, 0), (0, -1), (0, 1), (-1, 1)
 """Where a better setting is looked for, in numbers of width and strength: a wider basis is smooth
 by itself and asks for a weaker prior. The first that is better is taken."""
 
-ENOUGH_BLOCKS = 100
-"""Left-out blocks that decide well enough: small images are left out in several folds."""
+ENOUGH_BLOCKS, MOST_FOLDS = 400, 2
+"""Left-out blocks that decide well enough: small images are left out in several folds, yet no
+more than so many."""
 
 DARK = (0.0, 1e-3, 10)
 """Width, strength and iterations for dark images, which predict nothing."""
@@ -112,8 +113,9 @@ def choose_by_left_out_pixels(
     -----
     One in eight blocks is left out, of all pixels or of a slab of a large volume. The search goes
     from setting to neighbouring setting (`MOVES`) while the error of the left-out pixels falls.
-    The setting of the least error is taken: the smoothest within one standard error of it (Breiman, Friedman, Stone and Olshen, "Classification and Regression
-    Trees", 1984, section 3.4.3) was worse on noisy scenes, by 24 % at most and 1 % on average.
+    The setting of the least error is taken: the smoothest within one standard error of it
+    (Breiman, Friedman, Stone and Olshen, "Classification and Regression Trees", 1984, section
+    3.4.3) was worse on noisy scenes, by 24 % at most and 1 % on average.
     """
     measured = check_measured(projector, measured)
     if not measured.any():
@@ -141,7 +143,7 @@ def _folds(
         weights = None if weights is None else weights[part.pixels]
     seen = projector.row_sums > 0
     a_fold = LEFT_OUT * len(np.unique(blocks[seen]))
-    count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), round(1 / LEFT_OUT))
+    count = min(max(math.ceil(ENOUGH_BLOCKS / max(a_fold, 1)), 1), MOST_FOLDS)
     held = (blocks_to_leave_out(blocks, number) & seen for number in range(count))
     return [
         Fold.leaving_out(each, projector, measured, weights, blocks)

@@ -154,7 +154,7 @@ def run_blocks(
         if result.volume is not None:
             store.write_volume(place, result.volume)
         results = written.setdefault(block, [])
-        results.append((place, replace(result, volume=None, unknowns=None)))
+        results.append((place, replace(result, volume=None)))
         if len(results) == len(block):
             store.finish(block, [one for _, one in sorted(results, key=itemgetter(0))])
             claims.release(block)
@@ -182,12 +182,11 @@ def run_blocks(
 def solve_block(
     plan: Plan, block: range, frames: Sequence[FrameImages | None]
 ) -> Iterator[tuple[int, FrameResult]]:
-    """Yield the places of a block's frames and their results, the key frame's first.
+    """Yield the places of a block's frames and their results.
 
-    ``frames`` are those that the block is solved with (`Plan.solved_with`). The key frame is
-    solved from scratch, the others from its solution and together: a block can be done alone,
-    anywhere and in any order, and its bits are the same. None stands for a frame that could not be
-    read, which is left out.
+    ``frames`` are those that the block is solved with (`Plan.solved_with`), together: a block can
+    be done alone, anywhere and in any order, and its bits are the same. None stands for a frame
+    that could not be read, which is left out.
     """
     both = zip(plan.solved_with(block), frames, strict=True)
     good = {place: one for place, one in both if one is not None}
@@ -196,21 +195,18 @@ def solve_block(
     if not own:
         return
     system = system_of_block(plan, list(good.values()))
-    key = key_of(own)
     choice = plan.choice
     if choice is None and uses_choice(plan):
-        choice = choose(plan, system, good[key])
+        choice = choose(plan, system, good[key_of(own)])
     if choice is not None and plan.filter is not None:
-        yield from solve_filtered(plan, system, key, own, good, choice, plan.filter)
+        yield from solve_filtered(plan, system, own, good, choice, plan.filter)
         return
-    first = solve_frame(plan, system, good[key], choice)
-    yield key, first
     results: Iterator[FrameResult]
-    del good[key]
-    if choice is None or first.unknowns is None:
-        results = (solve_frame(plan, system, frame, None) for frame in good.values())
+    good = {place: good[place] for place in own}
+    if choice is None:
+        results = (solve_frame(plan, system, frame) for frame in good.values())
     else:
-        results = solve_together(plan, system, list(good.values()), choice, first.unknowns)
+        results = solve_together(plan, system, list(good.values()), choice)
     yield from zip(good, results, strict=True)
 
 

@@ -1,4 +1,4 @@
-"""One frame: its volume from the start that its block gives, and its figures."""
+"""The frames of a block: their volumes, solved together, and their figures."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +18,12 @@ from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
 from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View, quality
 from tomo.radiometry.units import unit_of_total
-from tomo.selection import solve_as_chosen, solve_several_smoothly
+from tomo.selection import solve_several_smoothly
 from tomo.selection.choose import Choice
+from tomo.selection.smooth_solve import smooth_start
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
-from tomo.series.starts import shortened, starts_from
 from tomo.series.systems import weighted
 from tomo.solvers import Iteration, Solution
 from tomo.uncertainty.summaries import total
@@ -38,8 +37,6 @@ class FrameResult:
     ----------
     volume : (nx, ny, nz) float32, optional
         The mean emission of every voxel; None once it is written.
-    unknowns : (unknowns,) float32, optional
-        The solution itself, from which other frames of the block start.
     figures : mapping
         Name to a number.
     by_camera : mapping
@@ -50,61 +47,21 @@ class FrameResult:
     """
 
     volume: NDArray[np.float32] | None
-    unknowns: NDArray[np.float32] | None
     figures: Mapping[str, float]
     by_camera: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
     skipped: bool = False
 
 
-SKIPPED = FrameResult(None, None, {}, skipped=True)
+SKIPPED = FrameResult(None, {}, skipped=True)
 """The result of a frame that could not be read."""
 
 
-def solve_frame(
-    plan: Plan,
-    system: BlockSystem,
-    frame: FrameImages,
-    choice: Choice | None,
-) -> FrameResult:
-    """Solve one frame from scratch and compare it with its images.
-
-    Parameters
-    ----------
-    plan : Plan
-    system : BlockSystem
-    frame : FrameImages
-    choice : Choice, optional
-        How smooth; None for a method that is named.
-    """
-    began = time.perf_counter()
-    found, unknowns = solved_alone(plan, weighted(plan, system, frame), choice)
-    return compared(plan, system, frame, found, unknowns, began)
-
-
-@overload
-def solved_alone(plan: Plan, built: WeightedSystem, choice: None) -> tuple[Solved, None]: ...
-@overload
-def solved_alone(
-    plan: Plan, built: WeightedSystem, choice: Choice
-) -> tuple[Solved, NDArray[np.float32]]: ...
-def solved_alone(
-    plan: Plan, built: WeightedSystem, choice: Choice | None
-) -> tuple[Solved, NDArray[np.float32] | None]:
-    """Return the solution of one frame's pixels from scratch, and its unknowns by a choice.
-
-    The volume of the solution holds the voxels' means.
-    """
-    options, unknowns, projector = plan.options, None, built.system.projector
-    if choice is None:
-        found = solve_by(method_named(options.method), options.iterations, built, options)
-    else:
-        if options.iterations is not None:
-            choice = replace(choice, iterations=options.iterations)
-        found = solve_as_chosen(projector, built.measured, choice, weights=built.weights)
-        unknowns = projector.active.compress(found.volume)
-        found = replace(found, volume=voxel_means_of(projector, unknowns))
-    return Solved(found, built), unknowns
+def solve_frame(plan: Plan, system: BlockSystem, frame: FrameImages) -> FrameResult:
+    """Solve one frame by the method that options name, and compare it with its images."""
+    began, options, built = time.perf_counter(), plan.options, weighted(plan, system, frame)
+    found = solve_by(method_named(options.method), options.iterations, built, options)
+    return compared(plan, system, frame, Solved(found, built), began)
 
 
 def solve_together(
@@ -112,12 +69,10 @@ def solve_together(
     system: BlockSystem,
     frames: Sequence[FrameImages],
     choice: Choice,
-    key: NDArray[np.float32],
 ) -> Iterator[FrameResult]:
-    """Solve some frames of a block from its key frame's solution and compare them.
+    """Solve some frames of a block and compare them.
 
-    Each product with the matrix serves all of them, see `tomo.solvers.several`. Dark frames start
-    from scratch.
+    Each product with the matrix serves all of them, see `tomo.solvers.several`.
 
     Parameters
     ----------
@@ -125,21 +80,19 @@ def solve_together(
     system : BlockSystem
     frames : sequence of FrameImages
     choice : Choice
-    key : (unknowns,) float32
-        The solution of the block's key frame.
     """
     if not frames:
         return
     began = time.perf_counter()
     built = [weighted(plan, system, frame) for frame in frames]
-    results = solved_together(plan, built, choice, key)
+    results = solved_together(plan, built, choice)
     shared = (time.perf_counter() - began) / len(frames)
-    for frame, (found, unknowns) in zip(frames, results, strict=True):
-        yield compared(plan, system, frame, found, unknowns, time.perf_counter() - shared)
+    for frame, (found, _) in zip(frames, results, strict=True):
+        yield compared(plan, system, frame, found, time.perf_counter() - shared)
 
 
 def solved_together(
-    plan: Plan, built: Sequence[WeightedSystem], choice: Choice, key: NDArray[np.float32]
+    plan: Plan, built: Sequence[WeightedSystem], choice: Choice
 ) -> list[tuple[Solved, NDArray[np.float32]]]:
     """Return the solutions of several frames' pixels, see `solve_together`, and the unknowns."""
     began, options, projector = time.perf_counter(), plan.options, built[0].system.projector
@@ -149,22 +102,18 @@ def solved_together(
         alike = np.ones(len(measured), np.float32)
         each = [alike if one.weights is None else one.weights for one in built]
         weights = np.stack(each, axis=1)
-    start, dark = starts_from(projector, measured, key)
-    iterations = options.iterations or shortened(choice).iterations
+    iterations = options.iterations or choice.iterations
     found = solve_several_smoothly(
         projector,
         measured,
         width=choice.width,
         strength=choice.strength,
         iterations=iterations,
-        start=start,
+        start=smooth_start(projector, measured),
         weights=weights,
     )  # (unknowns, frames)
     shared, results = (time.perf_counter() - began) / len(built), []
     for number, one in enumerate(built):
-        if dark[number]:
-            results.append(solved_alone(plan, one, choice))
-            continue
         unknowns = np.ascontiguousarray(found[:, number])
         solution = Solution(
             voxel_means_of(projector, unknowns),
@@ -181,14 +130,13 @@ def compared(
     system: BlockSystem,
     frame: FrameImages,
     solved: Solved,
-    unknowns: NDArray[np.float32] | None,
     began: float,
 ) -> FrameResult:
     """Return the volume with its figures, seen through gas of its own emission where that is."""
     solved = with_own_absorption(solved, plan.options)
     figures, by_camera = _figures(plan, system, frame, solved)
     figures["seconds"] = time.perf_counter() - began
-    return FrameResult(solved.solution.volume, unknowns, figures, by_camera, frame.warnings)
+    return FrameResult(solved.solution.volume, figures, by_camera, frame.warnings)
 
 
 def _figures(

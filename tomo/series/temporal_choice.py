@@ -158,7 +158,8 @@ def choose_filter(windows: Sequence[Window]) -> TemporalChoice:
     Notes
     -----
     Weights are linear in the predicted pixels: ``min_c Σ w (b - Σ_j c_j (A F_j))²`` over all
-    windows, with and without the mean motion (`velocity_of`). Each window is predicted by the
+    windows, with the mean motion (`velocity_of`) unless left-out views are surely predicted better
+    without it. Each window is predicted by the
     weights of the others. Frames are filtered where that is better, by more than chance
     (`surely_lower`), than the best weights of the frame alone, and than the frame as it is: the
     neighbours have to pay, not the sharpening that weights of one frame can do too. The gain has
@@ -172,12 +173,13 @@ def choose_filter(windows: Sequence[Window]) -> TemporalChoice:
     own = [each[..., [0, REACH + 1]] for each in still]
     alone = _errors(windows, [t - each.sum(axis=-1) for t, each in zip(targets, own, strict=True)])
     weighted = _predicted(windows, targets, own)
-    candidates = [(STILL, still, _predicted(windows, targets, still))]
-    velocity = velocity_of(windows)
-    if max(map(abs, velocity)) * REACH > 0.1:
-        carried = [one.columns(velocity) for one in windows]
-        candidates.append((velocity, carried, _predicted(windows, targets, carried)))
-    velocity, columns, errors = min(candidates, key=lambda one: one[2].sum())
+    velocity, columns, errors = STILL, still, _predicted(windows, targets, still)
+    motion = velocity_of(windows)
+    if max(map(abs, motion)) * REACH > 0.1:
+        carried = [one.columns(motion) for one in windows]
+        moving = _predicted(windows, targets, carried)
+        if not surely_lower(errors, moving):  # noisy pixels tell motion less well than volumes do
+            velocity, columns, errors = motion, carried, moving
     figures = {
         "held_out_residual": math.sqrt(float(errors.sum()) / light),
         "alone": math.sqrt(float(alone.sum()) / light),

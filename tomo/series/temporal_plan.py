@@ -11,7 +11,7 @@ from tomo.selection.choose import Choice
 from tomo.series.frames import spread
 from tomo.series.images import reader_of
 from tomo.series.plan import Plan
-from tomo.series.solving import solved_alone, solved_together
+from tomo.series.solving import solved_together
 from tomo.series.systems import system_of_block, weighted
 from tomo.series.temporal import REACH, TemporalFilter
 from tomo.series.temporal_choice import WINDOW, TemporalChoice, Window, choose_filter, leave_out
@@ -79,9 +79,7 @@ def _window(plan: Plan, choice: Choice, places: range, view: int) -> Window | No
         weights[place] = None if built.weights is None else built.weights[held]
         own = None if built.weights is None else built.weights[~held]
         training.append(replace(built, system=part, measured=built.measured[~held], weights=own))
-    key = len(frames) // 2
-    first = solved_alone(plan, training[key], choice)[1]
-    found = solved_together(plan, training, choice, first)
+    found = solved_together(plan, training, choice)
     solutions = {place: unknowns for place, (_, unknowns) in zip(frames, found, strict=True)}
     seen = {place: one.measured for place, one in zip(frames, training, strict=True)}
     seen_weights = {place: one.weights for place, one in zip(frames, training, strict=True)}

@@ -11,7 +11,7 @@ from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
 from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
-from tomo.series.solving import FrameResult, compared, solved_alone, solved_together
+from tomo.series.solving import FrameResult, compared, solved_together
 from tomo.series.systems import weighted
 from tomo.series.temporal import TemporalFilter, growth
 
@@ -19,7 +19,6 @@ from tomo.series.temporal import TemporalFilter, growth
 def solve_filtered(
     plan: Plan,
     system: BlockSystem,
-    key: int,
     own: Sequence[int],
     frames: Mapping[int, FrameImages],
     choice: Choice,
@@ -31,8 +30,6 @@ def solve_filtered(
     ----------
     plan : Plan
     system : BlockSystem
-    key : int
-        The place of the frame that the others start from.
     own : sequence of int
         The places of the block's frames.
     frames : mapping
@@ -44,11 +41,7 @@ def solve_filtered(
     """
     began = time.perf_counter()
     built = {place: weighted(plan, system, frame) for place, frame in frames.items()}
-    found = {key: solved_alone(plan, built[key], choice)}
-    others = [place for place in frames if place != key]
-    if others:
-        rest = solved_together(plan, [built[place] for place in others], choice, found[key][1])
-        found |= zip(others, rest, strict=True)
+    found = dict(zip(frames, solved_together(plan, list(built.values()), choice), strict=True))
     solutions = {place: unknowns for place, (_, unknowns) in found.items()}
     projector = system.built.system.projector
     spent = (time.perf_counter() - began) / len(own)
@@ -60,4 +53,4 @@ def solve_filtered(
         if grown <= temporal.most:
             volume = voxel_means_of(projector, unknowns)
             result = replace(result, solution=replace(result.solution, volume=volume))
-        yield place, compared(plan, system, frames[place], result, alone, now)
+        yield place, compared(plan, system, frames[place], result, now)
