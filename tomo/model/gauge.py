@@ -7,8 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.model.effect import image_frame
+from rigs.scene.scene_camera import own_camera
 from tomo.model.observation import Observation
+from tomo.model.pose import Pose, image_motions
 
 FLOOR = 0.03
 """Length in pixels below which motions count by their squares: smaller, iterations jump."""
@@ -31,7 +32,8 @@ def without_gauge(
     Where single views may be wrong, the sum of the views' lengths is made least, so that one may
     be far off and the others right; the median of the gains is one. Where ``free`` says that most
     views may be wrong, least squares are: a scene that is moved as a whole would be paid for by
-    cameras that are held out.
+    cameras that are held out. Either way motions count by their priors' deviations: cameras of
+    which the rig states large errors hold the scene less.
     """
     found = dict(values)
     most = {
@@ -45,7 +47,10 @@ def without_gauge(
     if "pose" in found and most["pose"] and found["pose"].any():
         motions = scene_motions(observation, volume)
         rounds = REWEIGHTINGS if free is None else 1
-        found["pose"] = _shortest(found["pose"], motions, rounds)
+        prior = Pose()
+        unit = prior.deviation(observation) / (prior.sigma / observation.pixel)  # 1: exact cameras
+        left = _shortest(found["pose"] / unit, motions / unit[:, :, None], rounds)
+        found["pose"] = left * unit
     return found
 
 
@@ -58,36 +63,19 @@ def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float
     points, weight = _brightest(observation, volume)
     grid, rig = observation.grid, observation.rig
     step, span = 0.01 * min(grid.extent), max(grid.extent)
-    middle, angle = np.asarray(grid.center), step / span
-    modes = [points + step * axis for axis in np.eye(3)]
-    modes += [points + step * np.cross(axis, points - middle) / span for axis in np.eye(3)]
-    modes += [points + step * (points - middle) / span]
+    middle, axes = np.asarray(grid.center), np.eye(3)[:, None]
+    about = (points - middle) / span
+    shifts = np.broadcast_to(axes, (3, *points.shape))
+    modes = step * np.concatenate([shifts, np.cross(axes, about), about[None]])  # (7, N, 3)
     found = np.zeros((len(rig), 6, len(modes)))
     for view, camera in enumerate(rig):
-        at = np.asarray(camera.project(points)[0])
-        seen = np.isfinite(at).all(axis=1)
-        at, both = np.where(seen[:, None], at, 0), np.tile(np.where(seen, weight, 0), 2)
-        width, height = camera.image_size
-        _, _, radius = image_frame(camera.image_size)
-        center = np.array([width - 1, height - 1]) / 2
-        if camera.has_pose:
-            center = np.asarray(camera.camera_matrix[:2, 2])
-        x, y = ((at - center) / radius).T
-        one, no = np.ones_like(x), np.zeros_like(x)
-
-        def change(there: NDArray, camera=camera, at=at, seen=seen) -> NDArray:
-            moved = np.where(seen[:, None], np.asarray(camera.project(there)[0]) - at, 0)
-            return np.r_[moved[:, 0], moved[:, 1]]
-
-        columns = [np.r_[one, no], np.r_[no, one], np.r_[-y, x], np.r_[x, y]]
-        for axis in (camera.R[1], camera.R[0]):  # the scene turns the other way
-            turned = points + angle * np.cross(points - middle, axis)
-            columns.append(change(turned) / (angle * radius))
-        basis = np.stack(columns, axis=1)
-        if not camera.has_pose:
-            basis[:, 2:4] = 0
-        made = np.stack([change(there) for there in modes], axis=1)
-        found[view] = np.linalg.lstsq(basis * both[:, None], made * both[:, None], rcond=1e-9)[0]
+        by_pose, by_point = image_motions(camera, points, middle)
+        if not own_camera(camera).has_pose:
+            by_pose[2:4] = 0
+        both = np.concatenate([by_pose, np.einsum("nij,knj->kni", by_point, modes)])
+        seen = np.isfinite(both).all(axis=(0, 2))
+        both = (both * weight[:, None])[:, seen].reshape(len(both), -1).T
+        found[view] = np.linalg.lstsq(both[:, :6], both[:, 6:], rcond=1e-9)[0]
     return found
 
 

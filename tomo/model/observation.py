@@ -44,6 +44,8 @@ class Observation:
         The variance of each image's blur, in squared pixels; 0 when None.
     supersample : int
         Rays along each side of a pixel.
+    pixel : int
+        Width of a pixel, in those of the images as recorded.
     """
 
     rig: Rig
@@ -55,6 +57,7 @@ class Observation:
     sets_scale: tuple[bool, ...] | None = None
     blur: tuple[float, ...] | None = None
     supersample: int = 1
+    pixel: int = 1
 
     @cached_property
     def brightest(self) -> float:
@@ -77,7 +80,7 @@ class Observation:
         return replace(
             self, rig=found.rig, images=found.images, masks=found.masks, noise=noise,
             grid=found.grid,
-            supersample=rays,
+            supersample=rays, pixel=factor * self.pixel,
         )  # fmt: skip
 
     @property

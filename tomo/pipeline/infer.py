@@ -87,7 +87,7 @@ def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
     if options.align and options.refine_cameras in (None, ("none",)):  # else that moves cameras
-        found.append(Pose(Pose.sigma / factor))
+        found.append(Pose())
     return tuple(found)
 
 
