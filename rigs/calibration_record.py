@@ -24,8 +24,9 @@ def recorded(rig: Rig, name: str, camera: str | None = None) -> float | None:
     for key in () if camera is None else ("cameras", camera):
         figures = figures.get(key) if isinstance(figures, Mapping) else None
     value = figures.get(name) if isinstance(figures, Mapping) else None
-    is_number = isinstance(value, (int, float)) and math.isfinite(value) and value > 0
-    return float(value) if is_number else None
+    if not isinstance(value, (int, float)) or not math.isfinite(value) or not value > 0:
+        return None
+    return float(value)
 
 
 def followed(

@@ -139,13 +139,13 @@ def _ray_table(entry: CameraEntry, file: str, folder: Path) -> RayTable:
         optics, accuracy = _optics(entry), _accuracy(entry)
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
-    camera = load_ray_table(entry.name, file, folder, optics, entry.status, accuracy)
+    camera = load_ray_table(entry.name, file, folder, optics, entry.status)
     if entry.image_size not in (None, camera.image_size):
         raise ValueError(
             f"camera {entry.name}: image_size: found {entry.image_size}, "
             f"expected {camera.image_size} as in {file}"
         )
-    return camera
+    return camera.with_accuracy(accuracy)
 
 
 def _intrinsics(entry: CameraEntry) -> Any:

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from rigs.accuracy import Accuracy
 from rigs.files.archives import read_arrays
 from rigs.files.inside import path_inside
 from rigs.files.text import write_bytes
@@ -24,7 +23,6 @@ def load_ray_table(
     folder: str | os.PathLike = ".",
     optics: Optics | None = None,
     status: str = "calibrated",
-    accuracy: Accuracy | None = None,
 ) -> RayTable:
     """Return the camera of an ``.npz`` with ``origins`` and ``directions``.
 
@@ -37,7 +35,6 @@ def load_ray_table(
     folder : path
     optics : Optics, optional
     status : str
-    accuracy : Accuracy, optional
         See `rigs.RayTable`, also for the optional arrays ``image_size, scale, offset``.
 
     Raises
@@ -66,8 +63,9 @@ def load_ray_table(
                 f"{where}: {file}: {key}: found {found[key].dtype}, expected real numbers"
             )
     more = {key: found[key].tolist() for key in _OPTIONAL if key in found}
-    own = {"optics": optics, "status": status, "accuracy": accuracy}
-    return RayTable(name, found["origins"], found["directions"], **own, **more)
+    return RayTable(
+        name, found["origins"], found["directions"], optics=optics, status=status, **more
+    )
 
 
 def save_ray_table(camera: RayTable, path: str | os.PathLike) -> None:

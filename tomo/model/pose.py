@@ -171,9 +171,9 @@ def _misses(
 
 
 def _walks(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return what walks are made of, ``(2, 7)``: shift, roll, zoom, turns of the volume by a pixel.
+    """Return what a walk by a pixel is made of: shift, roll, zoom, turns of the volume, ``(2, 7)``.
 
-    The turns are about the world's axes, the other way. Glass and mirrors make of a walk a turn
+    Turns are about the world's axes, the other way. Glass and mirrors make of a walk a turn
     about other axes than the camera's own, and motions of its image.
     """
     if camera.is_straight:

@@ -56,7 +56,7 @@ def camera_accuracies(
     errors = np.zeros((len(seen), 6, len(root)))  # in pixels
     rigid, to_pixels = np.zeros((len(seen), 6, 6)), np.ones(len(seen))
     is_known = seen.sum(axis=1) >= 6
-    for camera in np.flatnonzero(is_known):
+    for camera in np.flatnonzero(is_known).tolist():
         about = points[seen[camera]] - middle
         by_point, by_camera = rays_by_camera(scene, camera, about + middle)
         own, by_camera = freedom.gathered(camera, by_camera)

@@ -216,9 +216,7 @@ def test_a_camera_that_sees_too_little_states_no_accuracy(case, repeated, judged
     points = judged_volume(truth, count=3)
     seen = views(truth.rig, points)
     seen[1, 5:] = False
-    found = camera_accuracies(
-        repeated.scenes[0], repeated.free, repeated.covariance, points, seen
-    )
+    found = camera_accuracies(repeated.scenes[0], repeated.free, repeated.covariance, points, seen)
     assert found[1] is None
     assert found[0] is not None
 
