@@ -171,7 +171,7 @@ def _misses(
 
 
 def _walks(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return what a walk by a pixel is made of: shift, roll, zoom, turns of the volume, ``(2, 7)``.
+    """Return what a walk by a pixel is made of: shift, roll, zoom, turns of the volume: (2, 7).
 
     Turns are about the world's axes, the other way. Glass and mirrors make of a walk a turn
     about other axes than the camera's own, and motions of its image.
