@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rigs.scene.scene_camera import own_camera
 from tomo.model.observation import Observation
 from tomo.model.pose import Pose, image_motions
+from tomo.model.stated import stated_errors
 
 FLOOR = 0.03
 """Length in pixels below which motions count by their squares: smaller, iterations jump."""
@@ -32,8 +33,8 @@ def without_gauge(
     Where single views may be wrong, the sum of the views' lengths is made least, so that one may
     be far off and the others right; the median of the gains is one. Where ``free`` says that most
     views may be wrong, least squares are: a scene that is moved as a whole would be paid for by
-    cameras that are held out. Either way motions count by their priors' deviations: cameras of
-    which the rig states large errors hold the scene less.
+    cameras that are held out. Either way motions count in standard deviations of what the rig
+    states of each camera and of what mounts do: cameras that may be off hold the scene less.
     """
     found = dict(values)
     most = {
@@ -47,8 +48,8 @@ def without_gauge(
     if "pose" in found and most["pose"] and found["pose"].any():
         motions = scene_motions(observation, volume)
         rounds = REWEIGHTINGS if free is None else 1
-        prior = Pose()
-        unit = prior.deviation(observation) / (prior.sigma / observation.pixel)  # 1: exact cameras
+        stated = stated_errors(observation.rig, observation.grid, observation.pixel)
+        unit = np.hypot(stated * observation.pixel / Pose.sigma, 1)  # 1 where nothing is stated
         left = _shortest(found["pose"] / unit, motions / unit[:, :, None], rounds)
         found["pose"] = left * unit
     return found

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +15,6 @@ from rigs.scene.scene_camera import own_camera, with_own_camera
 from tomo.grid import VoxelGrid
 from tomo.model.effect import Prediction, image_frame
 from tomo.model.observation import Observation
-from tomo.model.stated import stated_errors
 
 SMOOTHING = 0.5
 """Blur before derivatives of a predicted image, in pixels. None: steps between voxels count as
@@ -40,8 +40,9 @@ class Pose:
     Parameters
     ----------
     sigma : float
-        Standard deviation of each since the rig was measured, in pixels of the images as recorded:
-        mounts are knocked, and warm up. The prior's is this one and what the rig states.
+        Prior standard deviation of each, in pixels of the images as recorded: what mounts move by
+        after cameras were measured. It is the same whatever the rig states of its errors, because
+        any camera may have been knocked; these decide who holds the scene, see `without_gauge`.
     """
 
     sigma: float = 0.5
@@ -54,10 +55,9 @@ class Pose:
     of_gas = False
 
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
-        """Return the prior standard deviations, ``(views, 6)``; see `stated_errors`."""
-        pixel = observation.pixel
-        stated = stated_errors(observation.rig, observation.grid, pixel)
-        found = np.hypot(stated, self.sigma / pixel)
+        """Return the prior standard deviations, ``(views, 6)``."""
+        size = self.sigma / observation.pixel
+        found = np.full((len(observation.rig), len(self.parameters)), size)
         found[[not own_camera(camera).has_pose for camera in observation.rig], 2:4] *= FIXED
         return found
 
@@ -103,14 +103,12 @@ def moved(
     right, down, roll, zoom, aside, above = motion
     own, (_, radius) = own_camera(camera), _frame(camera)
     if aside or above:
-        turn = matrix_of_vector((aside * own.R[1] + above * own.R[0]) / radius)
-        middle = _apparent(camera, middle)
-        own = own.transformed(turn, middle - turn @ middle)
+        own = _walked(own, aside / radius, above / radius, _apparent(camera, middle))
     if own.has_pose and (roll or zoom):
         matrix = np.array(own.camera_matrix)
         matrix[:2, :2] *= np.exp(zoom / radius)
         turn = matrix_of_vector(np.array([0.0, 0.0, roll / radius]))
-        accuracy = own.accuracy  # the prior stays that of the rig as it was given
+        accuracy = own.accuracy  # of the rig as it was given, which the gauge goes by
         own = own.with_pose(matrix, turn @ own.R, turn @ own.t).with_accuracy(accuracy)
     return with_own_camera(camera, own.shifted(right, down) if right or down else own)
 
@@ -140,10 +138,20 @@ def image_motions(
     at = (uv - center) / radius
     found = [np.tile(axis, (len(points), 1)) for axis in np.eye(2)]
     found += [at[:, ::-1] * (-1, 1), at]
-    for one in np.eye(6)[4:] / 2:
-        ahead, behind = (_misses(moved(camera, way * one, middle), uv, points) for way in (1, -1))
+    own, about = own_camera(camera), _apparent(camera, middle)
+    for aside, above in np.eye(2) / 2 / radius:
+        walked = (_walked(own, way * aside, way * above, about) for way in (1, -1))
+        ahead, behind = (_misses(with_own_camera(camera, one), uv, points) for one in walked)
         found.append(np.einsum("nij,nj->ni", by_point, behind - ahead))
     return np.array(found), by_point
+
+
+def _walked(
+    camera: CameraLike, aside: float, above: float, about: NDArray[np.float64]
+) -> CameraLike:
+    """Return a camera turned about a point by angles about its axes down and right."""
+    turn = matrix_of_vector(aside * camera.R[1] + above * camera.R[0])
+    return camera.transformed(turn, about - turn @ about)
 
 
 def _by_point(
@@ -170,11 +178,13 @@ def _misses(
     return origins + along * directions - points
 
 
+@lru_cache(maxsize=256)
 def _walks(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return what a walk by a pixel is made of: shift, roll, zoom, turns of the volume: (2, 7).
 
     Turns are about the world's axes, the other way. Glass and mirrors make of a walk a turn
-    about other axes than the camera's own, and motions of its image.
+    about other axes than the camera's own, and motions of its image. The last ones are kept, since
+    the same cameras are asked for again.
     """
     if camera.is_straight:
         return np.concatenate([np.zeros((2, 4)), camera.R[[1, 0]]], axis=1)

@@ -14,8 +14,8 @@ from rigs.check.rig_check import calibrated_ray_miss
 from tomo.grid import VoxelGrid
 
 NOMINAL = Accuracy(shift=5.0, roll=1.0, magnification=0.03, direction=1.0)
-"""Errors of cameras whose places are those of a drawing: pixels, degrees, a fraction. Less holds
-them to the drawing; more lets what images hardly show drift."""
+"""Errors of cameras whose places are those of a drawing: pixels, degrees, a fraction. Less, they
+hold the scene beside calibrated cameras; more, only these do."""
 
 
 def stated_errors(rig: Rig, grid: VoxelGrid, pixel: float = 1.0) -> NDArray[np.float64]:

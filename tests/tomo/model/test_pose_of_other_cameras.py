@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import rigs
 from phantoms import GaussianBlobs, sample
@@ -12,11 +13,13 @@ from rigs.scene import Cylinder, Glass, Mirror, Scene, Window
 from rigs.scene.scene_camera import own_camera
 from tomo.grid import VoxelGrid
 from tomo.inference.fit import equations_of
-from tomo.measurement import NoiseModel
+from tomo.inference.infer import infer
+from tomo.measurement import NoiseModel, estimate_noise
 from tomo.model import Observation, Pose
 from tomo.model.effect import Prediction
 from tomo.model.gauge import scene_motions
 from tomo.model.pose import moved
+from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((24, 32, 24), 0.5)
 MIDDLE = np.zeros(3)
@@ -161,3 +164,32 @@ def test_a_moved_scene_looks_like_moved_cameras(kind, volume):
         far = np.abs(change).max()
         assert far > 0.1
         np.testing.assert_allclose(there - camera.project(points)[0], change, atol=0.1 * far)
+
+
+def test_a_camera_behind_glass_that_was_knocked_is_moved_back():
+    """The true camera is made without `moved`: another lens in another pose, the same pane."""
+    grid, wrong, motion = VoxelGrid((12, 16, 12), 1.0), 2, (1.0, -0.5, 2.0, 1.0)
+    lenses = rigs.ring(
+        6, distance=60.0, image_size=(36, 48), footprint=0.6, pitch_degrees=[12.0, -14.0] * 3,
+        start_degrees=11.0,
+    )  # fmt: skip
+    own = lenses[wrong]
+    place, normal = tuple(-25 * own.R[2]), unit(-own.R[2] + 0.3 * own.R[0] + 0.4 * own.R[1])
+    scene = Scene((Window("pane", place, normal, 6.0, Glass(1.5), size=20.0),))
+    radius = min(own.image_size) / 2
+    turn = Rotation.from_rotvec([0, 0, motion[2] / radius]).as_matrix()
+    K = np.array(own.camera_matrix)
+    K[:2, :2] *= np.exp(motion[3] / radius)
+    K[:2, 2] += motion[:2]
+    there = [*lenses]
+    there[wrong] = replace(own, camera_matrix=K, R=turn @ own.R, t=turn @ own.t)
+    true = Rig(tuple(there)).through(scene)
+    made = simulate_images(true, FIELD, grid, supersample=2, refine=2, noise=0.005)
+    images = tuple(made.images.values())
+    masks = tuple(np.ones(image.shape, bool) for image in images)
+    noise = tuple(map(estimate_noise, images, masks))
+    seen = Observation(lenses.through(scene), images, masks, noise, grid)
+    state = infer(seen, (Pose(),), look_outside=False).state
+    assert np.flatnonzero(state.free["pose"].any(axis=1)).tolist() == [wrong]
+    np.testing.assert_allclose(state.values["pose"][wrong, :4], motion, atol=0.2)
+    assert np.abs(state.values["pose"][wrong, 4:]).max() < 0.4

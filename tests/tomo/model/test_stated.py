@@ -8,6 +8,7 @@ import pytest
 import rigs
 from rigs import Accuracy, RayTable
 from tomo.grid import VoxelGrid
+from tomo.measurement import NoiseModel
 from tomo.model import Observation, Pose
 from tomo.model.stated import NOMINAL, stated_errors
 
@@ -83,14 +84,16 @@ def test_records_of_other_kinds_say_nothing(calibration):
     assert not stated_errors(replace(RING, calibration=calibration), GRID).any()
 
 
-def test_the_prior_of_a_pose_is_what_mounts_do_and_what_is_stated():
+def test_any_camera_may_have_been_knocked():
+    """The prior of a pose is that of mounts, however exact or rough the rig says it is."""
     images = tuple(np.zeros(c.image_size[::-1], np.float32) for c in RING)
     masks = tuple(image == 0 for image in images)
-    table = RayTable.of(RING[1])
-    rig = replace(RING, cameras=(RING[0].with_accuracy(KNOWN), table, RING[2]))
-    seen = Observation(rig, images, masks, (None,) * 3, GRID)
-    found = Pose().deviation(seen)
-    np.testing.assert_allclose(found[0], np.hypot(IN_PIXELS, Pose.sigma))
-    np.testing.assert_allclose(found[2], Pose.sigma)
-    assert (found[1, [0, 1, 4, 5]] == Pose.sigma).all()
-    assert (found[1, 2:4] < 1e-3 * Pose.sigma).all()  # a table of rays has no roll and zoom
+    cameras = (RING[0].with_accuracy(KNOWN), replace(RING[1], status="nominal"), RING[2])
+    rig = replace(RING, cameras=cameras)
+    seen = Observation(rig, images, masks, (NoiseModel(0.01),) * 3, GRID)
+    assert (Pose().deviation(seen) == Pose.sigma).all()
+    assert (Pose().deviation(seen.coarser(2)) == Pose.sigma / 2).all()
+    tables = replace(seen, rig=rigs.as_ray_tables(rig))
+    found = Pose().deviation(tables)
+    assert (found[:, [0, 1, 4, 5]] == Pose.sigma).all()
+    assert (found[:, 2:4] < 1e-3 * Pose.sigma).all()  # they have no roll and no zoom
