@@ -33,8 +33,8 @@ def without_gauge(
     Where single views may be wrong, the sum of the views' lengths is made least, so that one may
     be far off and the others right; the median of the gains is one. Where ``free`` says that most
     views may be wrong, least squares are: a scene that is moved as a whole would be paid for by
-    cameras that are held out. Either way motions count in standard deviations of what the rig
-    states of each camera and of what mounts do: cameras that may be off hold the scene less.
+    cameras that are held out. Either way a camera holds the scene the less, the farther off it
+    may be by what the rig states of it and by what mounts do.
     """
     found = dict(values)
     most = {
@@ -48,11 +48,16 @@ def without_gauge(
     if "pose" in found and most["pose"] and found["pose"].any():
         motions = scene_motions(observation, volume)
         rounds = REWEIGHTINGS if free is None else 1
-        stated = stated_errors(observation.rig, observation.grid, observation.pixel)
-        unit = np.hypot(stated * observation.pixel / Pose.sigma, 1)  # 1 where nothing is stated
-        left = _shortest(found["pose"] / unit, motions / unit[:, :, None], rounds)
-        found["pose"] = left * unit
+        found["pose"] = _shortest(found["pose"], motions, rounds, _doubt(observation))
     return found
+
+
+def _doubt(observation: Observation) -> NDArray[np.float64]:
+    """Return how far off each camera may be, in units of the best known one, ``(views,)``."""
+    stated = stated_errors(observation.rig, observation.grid, observation.pixel)
+    mounts = Pose.sigma / observation.pixel
+    found = np.sqrt(np.square(stated).mean(axis=1) + mounts**2)
+    return found / found.min()
 
 
 def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float64]:
@@ -96,14 +101,20 @@ def _brightest(observation: Observation, volume: NDArray) -> tuple[NDArray, NDAr
 
 
 def _shortest(
-    motion: NDArray[np.float64], modes: NDArray[np.float64], rounds: int
+    motion: NDArray[np.float64],
+    modes: NDArray[np.float64],
+    rounds: int,
+    doubt: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Return the motions less the scene's: of the least squares, or after rounds, least sum."""
-    weight, left = np.ones(len(motion)), motion
+    """Return the motions less the scene's: of the least squares, or after rounds, least sum.
+
+    Lengths count over the views' ``doubt``.
+    """
+    weight, left = 1 / doubt**2, motion
     flat = modes.reshape(-1, modes.shape[2])
     for _ in range(rounds):
         root = np.repeat(np.sqrt(weight), motion.shape[1])
         move = np.linalg.lstsq(flat * root[:, None], motion.ravel() * root, rcond=1e-9)[0]
         left = motion - modes @ move
-        weight = 1 / np.sqrt((left**2).sum(axis=1) + FLOOR**2)
+        weight = 1 / (doubt * np.hypot(np.linalg.norm(left, axis=1), FLOOR * doubt))
     return left
