@@ -44,6 +44,8 @@ class Observation:
         The variance of each image's blur, in squared pixels; 0 when None.
     supersample : int
         Rays along each side of a pixel.
+    light : float, optional
+        The brightest light of a film that this is a frame of; that of its own images when None.
     """
 
     rig: Rig
@@ -55,10 +57,13 @@ class Observation:
     sets_scale: tuple[bool, ...] | None = None
     blur: tuple[float, ...] | None = None
     supersample: int = 1
+    light: float | None = None
 
     @cached_property
     def brightest(self) -> float:
         """The brightest light of all images, in their unit; 0 where all are dark."""
+        if self.light is not None:
+            return self.light
         found = [
             float(np.percentile(image[mask], BRIGHT)) if mask.any() else 0.0
             for image, mask in zip(self.images, self.masks, strict=True)
@@ -94,7 +99,8 @@ class Observation:
         unit = 2.0**power
         noise = tuple(NoiseModel(one.read / unit, one.gain / unit) for one in self.noise)
         gas = replace(self.absorption, emission=self.absorption.emission * unit)
-        return replace(self, images=images, noise=noise, absorption=gas)
+        light = None if self.light is None else self.light / unit
+        return replace(self, images=images, noise=noise, absorption=gas, light=light)
 
     def __repr__(self) -> str:
         """Name the number of views and the grid."""

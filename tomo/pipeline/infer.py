@@ -14,10 +14,11 @@ from rigs.progress import Progress
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
 from tomo.inference.finding import Finding
-from tomo.inference.fit import Fit, first_fit
+from tomo.inference.fit import Fit
 from tomo.inference.infer import Inference, infer
 from tomo.inference.misplaced import TURNS, find_misplaced
-from tomo.inference.steps import distrust
+from tomo.inference.solve import first_fit
+from tomo.inference.steps import distrust, fraction_outside
 from tomo.inference.unusable import doubles, is_dark
 from tomo.model import (
     Absorbing,
@@ -232,7 +233,7 @@ def _inferred(
         moved = _in_place(screened, coarse, first, active)
         if moved is not None:
             return _inferred(moved, grid, options, known)
-    found = infer(coarse, effects, active, _asked(options, effects), options.screen, first)
+    found = infer([coarse], effects, active, _asked(options, effects), options.screen, [first])
     corrections = _corrections(found, observation, factor, power, levels)
     seen = corrections.applied(observation)
     return replace(
@@ -252,7 +253,7 @@ def _in_place(
     screened: ScreenedScan, coarse: Observation, first: Fit, active: ActiveVoxels | None
 ) -> ScreenedScan | None:
     """Return the images with one that was turned over, or another camera's, in its place."""
-    found = find_misplaced(coarse, distrust(first, LIT * coarse.brightest), active)
+    found = find_misplaced(coarse, distrust([first], LIT * coarse.brightest), active)
     if found is None or len(screened.findings) >= len(coarse.rig):
         return None
     names, images, masks = coarse.rig.names, list(screened.images), list(screened.masks)
@@ -316,7 +317,7 @@ def _corrections(
     for name, order in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
         if name in values:
             values[name] *= factor**order
-    fit, untrusted = found.state.fit, {}
+    fit, untrusted = found.state.fits[0], {}
     lost = fit.system.images((~fit.usable).astype(np.float32))
     for name, mask, image, hidden in zip(
         observation.rig.names, observation.masks, lost, found.state.hidden, strict=True
@@ -341,7 +342,7 @@ def _emission(found: Inference, grid: VoxelGrid, power: int) -> NDArray[np.float
     """Return the found emission in the voxels of a grid of the same box."""
     from scipy.ndimage import zoom
 
-    coarse = found.state.fit.means
+    coarse = found.state.fits[0].means
     ratio = np.divide(grid.shape, coarse.shape)
     return np.ldexp(zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True), power)
 
@@ -393,12 +394,12 @@ def _findings(
     for view in np.flatnonzero(state.hidden):
         fraction = float(corrections.untrusted[names[view]].mean())
         if fraction > 0:
-            what = "scatter" if _is_brighter(state.fit, int(view)) else "hidden"
+            what = "scatter" if _is_brighter(state.fits[0], int(view)) else "hidden"
             most = float(found.scores["hidden"][view])
             said.append(Finding(what, names[view], fraction, unit="%", score=most))
-    if found.has_outside:
+    if found.state.has_outside:
         most = float(found.scores["outside"].max())
-        size = state.fit.light_outside
+        size = fraction_outside(state.fits)
         said.append(Finding("outside", size=size, unit="%", score=most, corrected=False))
     return sorted(said, key=lambda one: -one.score)
 
