@@ -30,8 +30,8 @@ def without_gauge(
 
     Where single views may be wrong, the sum of the views' lengths is made least, so that one may
     be far off and the others right; the median of the gains is one. Where ``free`` says that most
-    views may be wrong, least squares are: a scene that is moved as a whole would be paid for by
-    cameras that are held out.
+    views may be wrong, least squares are, and what is bright stays where most saw it: a scene that
+    is moved as a whole would be paid for by cameras that are held out.
     """
     found = dict(values)
     most = {
@@ -43,17 +43,24 @@ def without_gauge(
         if most[name]:
             found[name] = found[name] - np.median(found[name][sure])
     if "pose" in found and most["pose"] and found["pose"].any():
-        motions = scene_motions(observation, volume)
-        rounds = REWEIGHTINGS if free is None else 1
-        found["pose"] = _shortest(found["pose"], motions, rounds)
+        motions, images = scene_motions(observation, volume)
+        if free is None:
+            found["pose"] = _shortest(found["pose"], motions)
+        else:
+            left = _less(found["pose"], motions, np.broadcast_to(np.eye(6), images.shape))
+            found["pose"] = _less(left, motions[:, :, :6], images)  # its size is left to zooms
     return found
 
 
-def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float64]:
+def scene_motions(
+    observation: Observation, volume: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what motions and a growth of the scene make of each view, ``(views, 6, 7)``.
 
     The parameters are those of `tomo.model.Pose`; the modes are three shifts, three turns and a
-    growth about the middle of the light, fitted to the images of the brightest voxels.
+    growth about the middle of the light, fitted to the images of the brightest voxels. Also
+    returns ``R``, ``(views, 6, 6)``: ``|R t|`` is the root mean square, over the light, of what
+    the motion ``t`` moves images by.
     """
     points, weight = _brightest(observation, volume)
     grid, rig = observation.grid, observation.rig
@@ -62,7 +69,7 @@ def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float
     modes = [points + step * axis for axis in np.eye(3)]
     modes += [points + step * np.cross(axis, points - middle) / span for axis in np.eye(3)]
     modes += [points + step * (points - middle) / span]
-    found = np.zeros((len(rig), 6, len(modes)))
+    found, images = np.zeros((len(rig), 6, len(modes))), np.zeros((len(rig), 6, 6))
     for view, camera in enumerate(rig):
         at = np.asarray(camera.project(points)[0])
         seen = np.isfinite(at).all(axis=1)
@@ -88,7 +95,8 @@ def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float
             basis[:, 2:4] = 0
         made = np.stack([change(there) for there in modes], axis=1)
         found[view] = np.linalg.lstsq(basis * both[:, None], made * both[:, None], rcond=1e-9)[0]
-    return found
+        images[view] = np.linalg.qr(basis * both[:, None])[1]
+    return found, images
 
 
 def _brightest(observation: Observation, volume: NDArray) -> tuple[NDArray, NDArray]:
@@ -106,15 +114,19 @@ def _brightest(observation: Observation, volume: NDArray) -> tuple[NDArray, NDAr
     return points[order], np.sqrt(light / light.sum())
 
 
-def _shortest(
-    motion: NDArray[np.float64], modes: NDArray[np.float64], rounds: int
-) -> NDArray[np.float64]:
-    """Return the motions less the scene's: of the least squares, or after rounds, least sum."""
+def _shortest(motion: NDArray[np.float64], modes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the motions less the scene's, of the least sum of lengths."""
     weight, left = np.ones(len(motion)), motion
-    flat = modes.reshape(-1, modes.shape[2])
-    for _ in range(rounds):
-        root = np.repeat(np.sqrt(weight), motion.shape[1])
-        move = np.linalg.lstsq(flat * root[:, None], motion.ravel() * root, rcond=1e-9)[0]
-        left = motion - modes @ move
+    for _ in range(REWEIGHTINGS):
+        left = _less(motion, modes, np.sqrt(weight)[:, None, None] * np.eye(motion.shape[1]))
         weight = 1 / np.sqrt((left**2).sum(axis=1) + FLOOR**2)
     return left
+
+
+def _less(
+    motion: NDArray[np.float64], modes: NDArray[np.float64], roots: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the motions less the scene's, of the least sum of ``|R t|²`` over the views."""
+    flat = (roots @ modes).reshape(-1, modes.shape[2])
+    whole = np.einsum("vij,vj->vi", roots, motion).ravel()
+    return motion - modes @ np.linalg.lstsq(flat, whole, rcond=1e-9)[0]

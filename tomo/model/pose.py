@@ -33,7 +33,8 @@ class Pose:
     Parameters
     ----------
     sigma : float
-        Prior standard deviation of each, in pixels.
+        Prior standard deviation in pixels: of shifts, roll and zoom, and of the place where the
+        camera stands, at the middle of the grid. A walk is as much smaller as that turns the view.
     """
 
     sigma: float = 0.5
@@ -47,7 +48,11 @@ class Pose:
 
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviations, ``(views, 6)``."""
-        found = np.full((len(observation.rig), len(self.parameters)), self.sigma)
+        rig, middle = observation.rig, np.asarray(observation.grid.center)
+        found = np.full((len(rig), len(self.parameters)), self.sigma)
+        for own, camera, pixel in zip(found, rig, rig.footprint(middle), strict=True):
+            turn = _frame(camera)[2] * pixel / np.linalg.norm(camera.R @ middle + camera.t)
+            own[4:] *= turn if np.isfinite(turn) else 1.0  # NaN by a mirror
         found[[not camera.has_pose for camera in observation.rig], 2:4] *= FIXED
         return found
 
