@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -84,6 +85,20 @@ class Observation:
             grid=found.grid,
             supersample=rays,
         )  # fmt: skip
+
+    def ordered(self, names: Sequence[str]) -> Observation:
+        """Return the observation with its views in the order of their names."""
+        order = [self.rig.names.index(name) for name in names]
+        sure = self.sets_scale
+        return replace(
+            self,
+            rig=replace(self.rig, cameras=tuple(self.rig[n] for n in order)),
+            images=tuple(self.images[n] for n in order),
+            masks=tuple(self.masks[n] for n in order),
+            noise=tuple(self.noise[n] for n in order),
+            sets_scale=sure and tuple(sure[n] for n in order),
+            blur=self.blur and tuple(self.blur[n] for n in order),
+        )
 
     @property
     def in_sight(self) -> Observation:
