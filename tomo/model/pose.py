@@ -40,9 +40,11 @@ class Pose:
     Parameters
     ----------
     sigma : float
-        Prior standard deviation of each, in pixels of the images as recorded: what mounts move by
-        after cameras were measured. It is the same whatever the rig states of its errors, because
-        any camera may have been knocked; these decide who holds the scene, see `without_gauge`.
+        Prior standard deviation in pixels of the images as recorded: of shifts, roll and zoom, and of
+        the place where the camera stands, at the middle of the grid. A walk is as much smaller as
+        that turns the view. It is what mounts do after cameras were measured, whatever the rig
+        states of its errors, because any camera may have been knocked; these decide who holds the
+        scene, see `without_gauge`.
     """
 
     sigma: float = 0.5
@@ -56,9 +58,12 @@ class Pose:
 
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviations, ``(views, 6)``."""
-        size = self.sigma / observation.pixel
-        found = np.full((len(observation.rig), len(self.parameters)), size)
-        found[[not own_camera(camera).has_pose for camera in observation.rig], 2:4] *= FIXED
+        rig, middle = observation.rig, np.asarray(observation.grid.center)
+        found = np.full((len(rig), len(self.parameters)), self.sigma / observation.pixel)
+        for own, camera, pixel in zip(found, rig, rig.footprint(middle), strict=True):
+            turn = _frame(camera)[1] * pixel / np.linalg.norm(camera.R @ middle + camera.t)
+            own[4:] *= turn if np.isfinite(turn) else 1.0  # NaN by a mirror
+        found[[not own_camera(camera).has_pose for camera in rig], 2:4] *= FIXED
         return found
 
     def columns(self, at: Prediction) -> NDArray[np.float64]:

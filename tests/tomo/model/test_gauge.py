@@ -14,7 +14,7 @@ ONE = np.array([1.5, -1.0, 0.4, -0.6, 0.8, 0.3])
 
 @pytest.fixture(scope="module")
 def motions(observed):
-    return scene_motions(*observed)
+    return scene_motions(*observed)[0]
 
 
 @pytest.mark.parametrize("mode", range(7))
@@ -68,6 +68,27 @@ def test_cameras_that_the_rig_says_are_off_do_not_hold_the_scene(observed, motio
     assert np.abs(without[4:]).max() > 0.3
     left = np.linalg.lstsq(motions.reshape(-1, 7), (with_it - without).ravel(), rcond=None)[0]
     np.testing.assert_allclose(motions @ left, with_it - without, atol=1e-6)  # a motion of it
+
+
+def test_what_is_bright_stays_where_most_cameras_saw_it(observed, motions):
+    """Where all poses are free, no motion of the scene brings images nearer to the given ones."""
+    observation, truth = observed
+    own = np.random.default_rng(5).normal(size=(6, 6))
+    left = without_gauge({"pose": own}, *observed, {"pose": np.ones((6, 6), bool)})["pose"]
+    assert np.abs(left - own).max() > 0.1
+    order = np.argsort(-truth.ravel())[: truth.size // 20]
+    points, light = observation.grid.centers().reshape(-1, 3)[order], truth.ravel()[order]
+
+    def apart(poses):
+        moves = [
+            moved(camera, pose, np.zeros(3)).project(points)[0] - camera.project(points)[0]
+            for camera, pose in zip(observation.rig, poses, strict=True)
+        ]
+        return sum(np.average(np.square(move).sum(axis=1), weights=light) for move in moves)
+
+    for mode in motions[:, :, :6].transpose(2, 0, 1):
+        mode = 0.2 * mode / np.abs(mode).max()
+        assert apart(left) < min(apart(left + mode), apart(left - mode))
 
 
 def test_a_gauge_is_taken_out_where_most_views_are_free(observed):
