@@ -40,6 +40,7 @@ __getattr__, __dir__, __all__ = attach(
     submodules=["calibrate", "formats"],
     submod_attrs={
         "calibrate": ["calibrate_rig"],
+        "accuracy": ["Accuracy"],
         "camera": ["Camera", "look_at"],
         "camera_protocol": ["CameraLike"],
         "changes": ["ImageChange", "as_ray_tables", "with_cameras", "with_images_changed"],

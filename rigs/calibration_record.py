@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,20 @@ if TYPE_CHECKING:
 
 SINCE = "changed_since"
 """Key of the lines that say what was done to a rig after its calibration."""
+
+
+def recorded(rig: Rig, name: str, camera: str | None = None) -> float | None:
+    """Return a figure of a rig's calibration, of all cameras or one; None where it is unknown.
+
+    Unknown is what is missing, not a number, infinite, or not positive.
+    """
+    figures: Any = rig.calibration or {}
+    for key in () if camera is None else ("cameras", camera):
+        figures = figures.get(key) if isinstance(figures, Mapping) else None
+    value = figures.get(name) if isinstance(figures, Mapping) else None
+    if not isinstance(value, (int, float)) or not math.isfinite(value) or not value > 0:
+        return None
+    return float(value)
 
 
 def followed(

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.accuracy import Accuracy
 from rigs.geometry.image_checks import (
     OnImage,
+    check_accuracy,
     check_name,
     check_status,
     check_window,
@@ -51,6 +53,8 @@ class Camera(OnImage):
         Focal length, f-number, focus distance and pixel pitch, where known.
     status : {"calibrated", "nominal", "virtual"}
         How the parameters are known.
+    accuracy : Accuracy, optional
+        How exactly they are known.
 
     Raises
     ------
@@ -73,6 +77,7 @@ class Camera(OnImage):
     t: NDArray[np.float64] = field(default_factory=lambda: np.zeros(3))
     optics: Optics | None = None
     status: str = "virtual"
+    accuracy: Accuracy | None = None
 
     if TYPE_CHECKING:  # arrays may be given in any form; the fields are arrays
 
@@ -86,6 +91,7 @@ class Camera(OnImage):
             t: ArrayLike = ...,
             optics: Optics | None = None,
             status: str = "virtual",
+            accuracy: Accuracy | None = None,
         ) -> None: ...
 
     def __post_init__(self) -> None:
@@ -97,6 +103,7 @@ class Camera(OnImage):
         if self.optics is not None and not isinstance(self.optics, Optics):
             raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
         check_status(self.status, what)
+        check_accuracy(self.accuracy, what)
         checked = {
             "image_size": image_size(self.image_size, what),
             "camera_matrix": _camera_matrix(self.camera_matrix, what),
@@ -112,7 +119,7 @@ class Camera(OnImage):
             f"Camera(name={self.name!r}, image_size={self.image_size!r}, "
             f"camera_matrix={self.camera_matrix.tolist()!r}, distortion={self.distortion!r}, "
             f"R={self.R.tolist()!r}, t={self.t.tolist()!r}, optics={self.optics!r}, "
-            f"status={self.status!r})"
+            f"status={self.status!r}, accuracy={self.accuracy!r})"
         )
 
     def _values(self) -> tuple:
@@ -126,6 +133,7 @@ class Camera(OnImage):
             self.distortion,
             self.optics,
             self.status,
+            self.accuracy,
         )
 
     def __eq__(self, other: object) -> bool:
@@ -199,9 +207,9 @@ class Camera(OnImage):
         return np.repeat(self.position[None], len(uv), axis=0), directions
 
     def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> Camera:
-        """Return the camera with other intrinsics and another pose."""
+        """Return the camera with other intrinsics and another pose, their accuracy unknown."""
         K, R, t = (np.asarray(value, np.float64) for value in (camera_matrix, R, t))
-        return replace(self, camera_matrix=K, R=R, t=t)
+        return replace(self, camera_matrix=K, R=R, t=t, accuracy=None)
 
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
@@ -217,6 +225,7 @@ class Camera(OnImage):
             image_size=(width, height),
             camera_matrix=resize @ self.camera_matrix,
             optics=self.optics and self.optics.with_pixels_scaled(1 / scale),
+            accuracy=self.accuracy and self.accuracy.with_pixels_scaled(1 / scale),
         )
 
     def cropped(self, x: int, y: int, width: int, height: int) -> Camera:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeGuard
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
+    from rigs.accuracy import Accuracy
     from rigs.lens import Distortion
     from rigs.optics import Optics
 
@@ -35,6 +36,10 @@ class CameraLike(Protocol):
     @property
     def optics(self) -> Optics | None:
         """Focal length, f-number, focus distance and pixel pitch, where known."""
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """How exactly the parameters are known, where that is stated."""
 
     @property
     def camera_matrix(self) -> NDArray:
@@ -85,10 +90,16 @@ class CameraLike(Protocol):
         """Return whether pixel coordinates ``(N, 2)`` lie on the image, ``(N,)``."""
 
     def with_pose(self, camera_matrix: ArrayLike, R: ArrayLike, t: ArrayLike) -> Self:
-        """Return the camera, where it `has_pose`, with other intrinsics and another pose."""
+        """Return the camera, where it `has_pose`, with other intrinsics and another pose.
+
+        Its `accuracy` is then unknown.
+        """
 
     def renamed(self, name: str) -> Self:
         """Return the camera under another name."""
+
+    def with_accuracy(self, accuracy: Accuracy | None) -> Self:
+        """Return the camera of which another accuracy is known, or none."""
 
     def scaled(self, scale: float) -> Self:
         """Return the camera of the image resized by ``scale``."""

@@ -161,6 +161,8 @@ def calibrate(
         rig, found, arrays, adjusted.used, adjusted.freedom, volume
     )
     quality = adjusted.by_number(quality)
+    stated = zip(rig, quality.accuracy, strict=True)
+    rig = replace(rig, cameras=tuple(camera.with_accuracy(own) for camera, own in stated))
     refuse_unknown_lenses(quality.focal_error, names)
     residuals = np.full((len(observations), 2), np.nan)
     residuals[adjusted.rows] = arrays.uv - predicted(found, arrays)

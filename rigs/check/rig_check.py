@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.calibration_record import recorded
 from rigs.check.coverage import PIXEL_ACCURACY, Coverage, coverage
 from rigs.check.findings import findings
 from rigs.check.lines_of_sight import field_of_view, finite_rms
@@ -85,15 +86,7 @@ def calibrated_ray_miss(rig: Rig, camera: str | None = None) -> float | None:
     summary = rig.calibration or {}
     if summary.get("length_unit", rig.length_unit) != rig.length_unit:
         return None
-    if camera is None:
-        value = summary.get("ray_miss_predicted")
-    else:
-        cameras = summary.get("cameras")
-        own = cameras.get(camera) if isinstance(cameras, Mapping) else None
-        value = own.get("ray_miss") if isinstance(own, Mapping) else None
-    if not isinstance(value, (int, float)) or not math.isfinite(value) or not value > 0:
-        return None
-    return float(value)
+    return recorded(rig, "ray_miss_predicted" if camera is None else "ray_miss", camera)
 
 
 def _figures(found: Coverage, views: ViewsOfObject, weights: NDArray) -> tuple[CameraFigures, ...]:

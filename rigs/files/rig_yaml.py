@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 from typing import Any, cast
 
+from rigs.accuracy import Accuracy
 from rigs.camera import Camera, look_at
 from rigs.camera_protocol import CameraLike
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
@@ -111,26 +112,31 @@ def _camera(entry: CameraEntry, folder: Path) -> CameraLike:
         if entry.image_size is None:
             raise ValueError("image_size: missing, expected width and height in pixels")
         distortion = Distortion(entry.distortion.model, tuple(entry.distortion.coefficients))
-        optics = _optics(entry)
+        optics, accuracy = _optics(entry), _accuracy(entry)
         K = _intrinsics(entry)
         optics = optics_of_lens(entry.focal_length, entry.pixel_pitch, optics)
         R, t = _pose(entry)
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
-    return Camera(entry.name, entry.image_size, K, distortion, R, t, optics, entry.status)
+    size, status = entry.image_size, entry.status
+    return Camera(entry.name, size, K, distortion, R, t, optics, status, accuracy)
 
 
 def _optics(entry: CameraEntry) -> Optics | None:
     return None if entry.optics is None else Optics(**entry.optics.model_dump())
 
 
+def _accuracy(entry: CameraEntry) -> Accuracy | None:
+    return None if entry.accuracy is None else Accuracy(**entry.accuracy.model_dump())
+
+
 def _ray_table(entry: CameraEntry, file: str, folder: Path) -> RayTable:
     """Return the table of rays in a file that an entry names."""
-    kept = {"name", "ray_table", "image_size", "optics", "status"}
+    kept = {"name", "ray_table", "image_size", "optics", "status", "accuracy"}
     try:
         for field in sorted(entry.model_fields_set - kept):
             raise ValueError(f"{field}: found together with ray_table, expected one of the two")
-        optics = _optics(entry)
+        optics, accuracy = _optics(entry), _accuracy(entry)
     except ValueError as error:
         raise ValueError(f"camera {entry.name}: {error}") from None
     camera = load_ray_table(entry.name, file, folder, optics, entry.status)
@@ -139,7 +145,7 @@ def _ray_table(entry: CameraEntry, file: str, folder: Path) -> RayTable:
             f"camera {entry.name}: image_size: found {entry.image_size}, "
             f"expected {camera.image_size} as in {file}"
         )
-    return camera
+    return camera.with_accuracy(accuracy)
 
 
 def _intrinsics(entry: CameraEntry) -> Any:

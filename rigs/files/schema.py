@@ -67,6 +67,15 @@ class OpticsEntry(_Entry):
     pixel_pitch: Number | None = None
 
 
+class AccuracyEntry(_Entry):
+    """``accuracy:`` of a camera."""
+
+    shift: Number | None = None
+    roll: Number | None = None
+    magnification: Number | None = None
+    direction: Number | None = None
+
+
 class CameraEntry(_Entry):
     """One of ``cameras:``, with all alternatives for intrinsics and pose."""
 
@@ -85,6 +94,7 @@ class CameraEntry(_Entry):
     up: Vector | None = None
     optics: OpticsEntry | None = None
     status: Text = "nominal"
+    accuracy: AccuracyEntry | None = None
 
 
 class VolumeEntry(_Entry):

@@ -119,10 +119,16 @@ def _camera_data(camera: CameraLike, stem: str) -> dict[str, Any]:
 
 def _last_data(camera: CameraLike) -> dict[str, Any]:
     """Return the entries that all cameras end with."""
-    if camera.optics is None:
-        return {"status": camera.status}
-    optics = {k: v for k, v in vars(camera.optics).items() if v is not None}
-    return {"optics": optics, "status": camera.status}
+    return {
+        name: value if isinstance(value, str) else _known(value)
+        for name in ("optics", "status", "accuracy")
+        if (value := getattr(camera, name)) is not None
+    }
+
+
+def _known(value: object) -> dict[str, float]:
+    """Return the numbers of a value that are known, by name."""
+    return {name: number for name, number in vars(value).items() if number is not None}
 
 
 def _check_plain(value: object, what: str) -> None:

@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.accuracy import Accuracy
+
 STATUSES = ("calibrated", "nominal", "virtual")
 
 
@@ -33,6 +35,10 @@ class OnImage:
     def renamed(self, name: str) -> Self:
         """Return the camera under another name."""
         return replace(self, name=name)
+
+    def with_accuracy(self, accuracy: Accuracy | None) -> Self:
+        """Return the camera of which another accuracy is known, or none."""
+        return replace(self, accuracy=accuracy)
 
     def shrunk(self, factor: int) -> Self:
         """Return the camera of the image's area means over ``factor`` x ``factor`` pixels.
@@ -77,6 +83,12 @@ def check_status(status: object, what: str) -> None:
         raise ValueError(
             f"{what}: status: found {status!r}, expected one of {', '.join(STATUSES)}"
         )
+
+
+def check_accuracy(accuracy: object, what: str) -> None:
+    """Raise unless ``accuracy`` is one, or None."""
+    if accuracy is not None and not isinstance(accuracy, Accuracy):
+        raise ValueError(f"{what}: accuracy: found {accuracy!r}, expected Accuracy or None")
 
 
 def rows_of(values: ArrayLike, columns: int, what: str) -> NDArray[np.float64]:

@@ -9,9 +9,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.accuracy import Accuracy
 from rigs.camera_protocol import CameraLike
 from rigs.geometry.image_checks import (
     OnImage,
+    check_accuracy,
     check_name,
     check_status,
     check_window,
@@ -61,6 +63,7 @@ class RayTable(OnImage, NearestPinhole):
         shifted share one table.
     optics : Optics, optional
     status : {"calibrated", "nominal", "virtual"}
+    accuracy : Accuracy, optional
 
     Raises
     ------
@@ -92,6 +95,7 @@ class RayTable(OnImage, NearestPinhole):
     offset: tuple[float, float] = (0.0, 0.0)
     optics: Optics | None = None
     status: str = "virtual"
+    accuracy: Accuracy | None = None
 
     def __post_init__(self) -> None:
         """Check every field, make directions unit vectors and arrays read-only."""
@@ -105,6 +109,7 @@ class RayTable(OnImage, NearestPinhole):
         if self.optics is not None and not isinstance(self.optics, Optics):
             raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
         check_status(self.status, what)
+        check_accuracy(self.accuracy, what)
         scale = float(numbers(self.scale, (), f"{what}: scale"))
         if not scale > 0:
             raise ValueError(f"{what}: scale: found {scale}, expected positive")
@@ -134,6 +139,7 @@ class RayTable(OnImage, NearestPinhole):
             directions.reshape(height, width, 3),
             optics=camera.optics,
             status=camera.status,
+            accuracy=camera.accuracy,
         )
 
     def __repr__(self) -> str:
@@ -151,7 +157,7 @@ class RayTable(OnImage, NearestPinhole):
         for array in (self.origins, self.directions):
             digest.update(np.ascontiguousarray(array).tobytes())
         own = (self.name, self.image_size, self.scale, self.offset, self.optics, self.status)
-        return (*own, self.directions.shape, digest.digest())
+        return (*own, self.accuracy, self.directions.shape, digest.digest())
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, RayTable):
@@ -255,7 +261,10 @@ class RayTable(OnImage, NearestPinhole):
         """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
         size = scaled_size(self.image_size, scale, f"camera {self.name}")
         optics = self.optics and self.optics.with_pixels_scaled(1 / scale)
-        return replace(self, image_size=size, scale=self.scale / scale, optics=optics)
+        accuracy = self.accuracy and self.accuracy.with_pixels_scaled(1 / scale)
+        return replace(
+            self, image_size=size, scale=self.scale / scale, optics=optics, accuracy=accuracy
+        )
 
     def cropped(self, x: int, y: int, width: int, height: int) -> RayTable:
         """Return the camera of the window whose top-left pixel was column ``x``, row ``y``."""

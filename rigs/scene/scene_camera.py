@@ -10,6 +10,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.accuracy import Accuracy
 from rigs.camera_protocol import CameraLike
 from rigs.geometry.image_checks import OnImage, pixel_centres, rows_of
 from rigs.geometry.rotation import numbers, rotation
@@ -85,6 +86,11 @@ class SceneCamera(OnImage, NearestPinhole):
     def optics(self) -> Optics | None:
         """The lens's figures."""
         return self.camera.optics
+
+    @property
+    def accuracy(self) -> Accuracy | None:
+        """How exactly the camera is known, seen through the scene."""
+        return self.camera.accuracy
 
     @property
     def has_pose(self) -> bool:
@@ -214,6 +220,10 @@ class SceneCamera(OnImage, NearestPinhole):
         """Return the camera under another name."""
         return self._changed(lambda camera: camera.renamed(name))
 
+    def with_accuracy(self, accuracy: Accuracy | None) -> Self:
+        """Return the camera of which another accuracy is known, or none."""
+        return self._changed(lambda camera: camera.with_accuracy(accuracy))
+
     def scaled(self, scale: float) -> Self:
         """Return the camera of the image resized by ``scale``: see `Camera.scaled`."""
         return self._changed(lambda camera: camera.scaled(scale))
@@ -254,3 +264,8 @@ class SceneCamera(OnImage, NearestPinhole):
 def own_camera(camera: CameraLike) -> CameraLike:
     """Return the camera itself of one that looks through a scene; any other as it is."""
     return camera.camera if isinstance(camera, SceneCamera) else camera
+
+
+def with_own_camera(camera: CameraLike, own: CameraLike) -> CameraLike:
+    """Return ``own`` as it looks through the scene of ``camera``, if that looks through one."""
+    return replace(camera, camera=own) if isinstance(camera, SceneCamera) else own

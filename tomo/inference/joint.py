@@ -1,8 +1,8 @@
-"""Voxels and effects in one least-squares problem, solved together."""
+"""Voxels of one or several frames and effects in one least-squares problem, solved together."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
@@ -18,11 +18,12 @@ from tomo.priors import RelativeCurvature
 class Unknowns(NamedTuple):
     """Voxels, voxels around the grid, parameters of the views, and those that views share.
 
-    Parameters are in standard deviations of their priors.
+    Each frame has its own voxels; the parameters are common to all frames, in standard deviations
+    of their priors.
     """
 
-    voxels: NDArray[np.float64]  # (unknowns,)
-    outside: NDArray[np.float64]  # (outside unknowns,)
+    voxels: NDArray[np.float64]  # (frames, unknowns)
+    outside: NDArray[np.float64]  # (frames, outside unknowns)
     own: NDArray[np.float64]  # (parameters, views)
     shared: NDArray[np.float64]  # (parameters,)
 
@@ -36,25 +37,27 @@ class Unknowns(NamedTuple):
 
 
 @dataclass(frozen=True, eq=False)
-class Joint:
-    """``||W^½ (b - A x - B o - T t)||² + s ||D x||² + q ||o||² + ||t + d||²``, x and o above zero.
+class FrameProblem:
+    """``||W^½ (b - A x - B o - T t)||² + s ||D x||² + q ||o||²`` of one frame.
 
     Attributes
     ----------
-    operator, outside : ProjectionOperator
-        ``A`` and ``B``, of voxels in and around the grid; ``B`` may be None.
+    operator : ProjectionOperator
+        ``A``, of the voxels in the grid.
     weights : (pixels,) float64
         ``W``, inverse variances.
     prior : RelativeCurvature
         ``D``.
-    strength, outside_strength : float
-        ``s`` and ``q``, inverse variances of the priors on voxels.
+    strength : float
+        ``s``, the inverse variance of the prior on voxels.
     own : (parameters, pixels) float64
         Columns of ``T`` of the parameters that each view has for itself.
     shared : (parameters, pixels) float64
         Columns of those that all views share.
-    departure : Unknowns
-        ``d``: how far the parameters are from the mean of their priors already.
+    outside : ProjectionOperator, optional
+        ``B``, of voxels around the grid.
+    outside_strength : float
+        ``q``.
     """
 
     operator: ProjectionOperator
@@ -63,7 +66,6 @@ class Joint:
     strength: float
     own: NDArray[np.float64]
     shared: NDArray[np.float64]
-    departure: tuple[NDArray[np.float64], NDArray[np.float64]]
     outside: ProjectionOperator | None = None
     outside_strength: float = 0.0
 
@@ -80,19 +82,21 @@ class Joint:
             found[:, view] = np.einsum("kp,p->k", values[:, own], pixels[own])
         return found
 
-    def forward(self, z: Unknowns) -> NDArray[np.float64]:
+    def forward(
+        self, x: NDArray, o: NDArray, own: NDArray, shared: NDArray
+    ) -> NDArray[np.float64]:
         """Return ``A x + B o + T t``, ``(pixels,)``."""
-        pixels = np.asarray(self.operator @ z.voxels.astype(np.float32), np.float64)
+        pixels = np.asarray(self.operator @ x.astype(np.float32), np.float64)
         if self.outside is not None:
-            pixels = pixels + np.asarray(self.outside @ z.outside.astype(np.float32), np.float64)
-        for view, own in enumerate(self._views if len(self.own) else ()):
-            pixels[own] += np.einsum("kp,k->p", self.own[:, own], z.own[:, view])
-        for column, value in zip(self.shared, z.shared, strict=True):
+            pixels = pixels + np.asarray(self.outside @ o.astype(np.float32), np.float64)
+        for view, rows in enumerate(self._views if len(self.own) else ()):
+            pixels[rows] += np.einsum("kp,k->p", self.own[:, rows], own[:, view])
+        for column, value in zip(self.shared, shared, strict=True):
             pixels = pixels + column * value
         return pixels
 
     def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
-        """Return the adjoint of `forward`."""
+        """Return the adjoint of `forward`: voxels ``(unknowns,)``, and so on."""
         single = pixels.astype(np.float32)
         outside = np.zeros(0) if self.outside is None else self.outside.T @ single
         return Unknowns(
@@ -105,43 +109,88 @@ class Joint:
     def _bent(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
         return self.prior.forward(x.astype(np.float32)).astype(np.float64)
 
-    def _energy(self, z: Unknowns, image: NDArray[np.float64]) -> float:
-        """Return the quadratic form of a direction."""
-        bent = self._bent(z.voxels)
+    def energy(self, x: NDArray, o: NDArray, image: NDArray[np.float64]) -> float:
+        """Return the quadratic form of a direction, its parameters apart."""
+        bent = self._bent(x)
         return (
             dot(image, self.weights * image)
             + self.strength * dot(bent, bent)
-            + self.outside_strength * dot(z.outside, z.outside)
-            + float((z.own**2).sum() + (z.shared**2).sum())
+            + self.outside_strength * dot(o, o)
         )
 
-    def _downhill(self, z: Unknowns, residual: NDArray[np.float64]) -> Unknowns:
-        """Return minus half the gradient."""
+    def downhill(self, x: NDArray, o: NDArray, residual: NDArray[np.float64]) -> Unknowns:
+        """Return minus half the gradient, without the prior of the parameters."""
         g = self.adjoint(self.weights * residual)
-        bent = self.prior.adjoint(self._bent(z.voxels).astype(np.float32)).astype(np.float64)
-        return Unknowns(
-            g.voxels - self.strength * bent,
-            g.outside - self.outside_strength * z.outside,
-            g.own - z.own - self.departure[0],
-            g.shared - z.shared - self.departure[1],
+        bent = self.prior.adjoint(self._bent(x).astype(np.float32)).astype(np.float64)
+        return g._replace(
+            voxels=g.voxels - self.strength * bent, outside=g.outside - self.outside_strength * o
         )
 
-    def _preconditioner(self) -> Callable[[Unknowns, Unknowns], Unknowns]:
-        """Return the map by a bound of the diagonal for voxels, by blocks for parameters."""
+    def diagonals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return a bound of the normal matrix's diagonal, of voxels in and around the grid."""
         curvature = 8 * self.strength * float(np.mean(self.prior.weights.astype(np.float64)) ** 2)
         lengths = self.weights * np.asarray(self.operator.row_sums)
         x = np.asarray(self.operator.T @ lengths.astype(np.float32), np.float64) + curvature
         x = np.maximum(x, 1e-9 * x.max(initial=1e-30))
-        o = np.zeros(0)
-        if self.outside is not None:
-            lengths = self.weights * np.asarray(self.outside.row_sums)
-            o = np.asarray(self.outside.T @ lengths.astype(np.float32)) + self.outside_strength
+        if self.outside is None:
+            return x, np.zeros(0)
+        lengths = self.weights * np.asarray(self.outside.row_sums)
+        o = np.asarray(self.outside.T @ lengths.astype(np.float32)) + self.outside_strength
+        return x, o
+
+    def grams(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return ``T^T W T`` of each view's own parameters, and of those that views share."""
         k = len(self.own)
-        grams = np.zeros((self.operator.n_views, k, k))
+        own = np.zeros((len(self._views), k, k))
         for n, column in enumerate(self.own):
-            grams[:, n] = self.view_sums(self.own, self.weights * column).T
-        blocks = np.asarray(np.linalg.inv(grams + np.eye(k)), np.float64)
-        gram = np.einsum("kp,p,lp->kl", self.shared, self.weights, self.shared)
+            own[:, n] = self.view_sums(self.own, self.weights * column).T
+        return own, np.einsum("kp,p,lp->kl", self.shared, self.weights, self.shared)
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """The sum of the frames' problems and of ``||t + d||²``, with x and o above zero.
+
+    Attributes
+    ----------
+    frames : sequence of FrameProblem
+        Each of the same pixels and voxels.
+    departure : tuple of (parameters, views) and (parameters,) float64
+        ``d``: how far the parameters are from the mean of their priors already.
+    """
+
+    frames: Sequence[FrameProblem]
+    departure: tuple[NDArray[np.float64], NDArray[np.float64]]
+
+    def forward(self, z: Unknowns) -> NDArray[np.float64]:
+        """Return what each frame predicts, ``(frames, pixels)``."""
+        each = zip(self.frames, z.voxels, z.outside, strict=True)
+        return np.stack([one.forward(x, o, z.own, z.shared) for one, x, o in each])
+
+    def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
+        """Return the adjoint of `forward`."""
+        return _summed([one.adjoint(own) for one, own in zip(self.frames, pixels, strict=True)])
+
+    def _energy(self, z: Unknowns, image: NDArray[np.float64]) -> float:
+        """Return the quadratic form of a direction."""
+        each = zip(self.frames, z.voxels, z.outside, image, strict=True)
+        parameters = float((z.own**2).sum() + (z.shared**2).sum())
+        return sum(one.energy(x, o, own) for one, x, o, own in each) + parameters
+
+    def _downhill(self, z: Unknowns, residual: NDArray[np.float64]) -> Unknowns:
+        """Return minus half the gradient."""
+        each = zip(self.frames, z.voxels, z.outside, residual, strict=True)
+        g = _summed([one.downhill(x, o, own) for one, x, o, own in each])
+        return g._replace(
+            own=g.own - z.own - self.departure[0], shared=g.shared - z.shared - self.departure[1]
+        )
+
+    def _preconditioner(self) -> Callable[[Unknowns, Unknowns], Unknowns]:
+        """Return the map by a bound of the diagonal for voxels, by blocks for parameters."""
+        x, o = map(np.stack, zip(*(one.diagonals() for one in self.frames), strict=True))
+        both = zip(*(one.grams() for one in self.frames), strict=True)
+        grams, gram = (np.sum(each, axis=0) for each in both)
+        blocks = np.asarray(np.linalg.inv(grams + np.eye(grams.shape[1])), np.float64)
         common = np.linalg.inv(gram + np.eye(len(gram)))
 
         def apply(g: Unknowns, free: Unknowns) -> Unknowns:
@@ -159,7 +208,7 @@ class Joint:
     ) -> tuple[Unknowns, NDArray[np.float64]]:
         """Return the unknowns after some iterations of projected conjugate gradients from ``z``.
 
-        Also returns the residual ``b - A x - B o - T t``, ``(pixels,)``.
+        Also returns the residual ``b - A x - B o - T t``, ``(frames, pixels)`` as ``b``.
         """
         precondition = self._preconditioner()
         residual = b - self.forward(z)
@@ -192,6 +241,16 @@ class Joint:
                 z = there
             residual = residual - step * image
         return z, residual
+
+
+def _summed(each: Sequence[Unknowns]) -> Unknowns:
+    """Return the voxels of every frame, and the sums of their parameters."""
+    return Unknowns(
+        np.stack([one.voxels for one in each]),
+        np.stack([one.outside for one in each]),
+        np.sum([one.own for one in each], axis=0),
+        np.sum([one.shared for one in each], axis=0),
+    )
 
 
 def _free(z: Unknowns, downhill: Unknowns) -> Unknowns:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.inference.fit import Fit, next_fit
+from tomo.inference.fit import Fit
+from tomo.inference.solve import next_fit
 from tomo.selection.folds import blocks_to_leave_out
 
 SURELY = 3.0
@@ -19,26 +21,42 @@ SIDE = 4
 ones."""
 
 
-def surely_worse(corrected: Fit, given: Fit) -> bool:
-    """Return whether a fit predicts left-out pixels worse than another, by more than chance.
+@dataclass(frozen=True, eq=False)
+class LeftOut:
+    """How fits predict pixels that were left out of them, before a correction and after it.
 
-    Both are of the same pixels; those count that both use.
+    Attributes
+    ----------
+    before, after : (squares,) float64
+        Squared errors over the images' mean square, summed over each square and all frames.
     """
-    squares = given.system.squares([SIDE] * len(given.observation.rig))
+
+    before: NDArray[np.float64]
+    after: NDArray[np.float64]
+
+    @property
+    def is_surely_worse(self) -> bool:
+        """Whether the correction predicts them worse, by more than chance."""
+        more = self.after - self.before
+        return bool(len(more) and more.sum() > SURELY * np.sqrt(len(more)) * more.std())
+
+
+def predict_left_out(given: Sequence[Fit], corrected: Sequence[Fit]) -> LeftOut:
+    """Return how fits of the same frames predict left-out pixels; those count that both use."""
+    squares = given[0].system.squares([SIDE] * len(given[0].observation.rig))
     out = blocks_to_leave_out(squares)
-    both = out & corrected.usable & given.usable
-    if not both.any():
-        return False
+    both = out & np.all([one.usable for one in (*given, *corrected)], axis=0)
     block = np.unique(squares[both], return_inverse=True)[1]
-    sums = (np.bincount(block, _errors(fit, out)[both]) for fit in (given, corrected))
-    before, after = (one.astype(np.float64) for one in sums)
-    more = after - before
-    return bool(more.sum() > SURELY * np.sqrt(len(more)) * more.std())
+    before, after = (_errors(fits, out)[both] for fits in (given, corrected))
+    return LeftOut(*(np.bincount(block, own).astype(np.float64) for own in (before, after)))
 
 
-def _errors(fit: Fit, out: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the squared errors of a fit without some pixels, over the images' energy."""
-    kept = fit.usable & ~out
-    found = next_fit(replace(fit, usable=kept, trust=np.where(kept, fit.trust, 0.0)))
-    energy = float(np.mean(np.square(fit.measured))) or 1.0
-    return np.square(found.residual) / energy
+def _errors(fits: Sequence[Fit], out: NDArray[np.bool_]) -> NDArray[np.float64]:
+    """Return the squared errors of fits without some pixels, over the images' mean square."""
+    errors, energy = np.zeros(len(out)), 0.0
+    for fit in fits:
+        kept = fit.usable & ~out
+        found = next_fit(replace(fit, usable=kept, trust=np.where(kept, fit.trust, 0.0)))
+        errors += np.square(found.residual)
+        energy += float(np.mean(np.square(fit.measured)))
+    return errors / (energy or 1.0)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels
-from tomo.inference.fit import first_fit
+from tomo.inference.solve import first_fit
 from tomo.model.observation import Observation
 
 BETTER = 0.5

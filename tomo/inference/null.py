@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zlib
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,16 +22,24 @@ TURNS = ((), (0,), (2,), (0, 2), (1,), (0, 1))
 meet voxels and cameras in other ways."""
 
 
+class Exact(NamedTuple):
+    """Images by exact cameras, the voxels that may be other than zero, and what they emit."""
+
+    observation: Observation
+    active: ActiveVoxels | None
+    volume: NDArray[np.float32]  # (nx, ny, nz)
+
+
 def exact_images(
     observation: Observation,
     volume: NDArray[np.float32],
     turn: int,
     active: ActiveVoxels | None = None,
-) -> tuple[Observation, ActiveVoxels | None, NDArray[np.float32]]:
-    """Return the observation with images of a volume by exact cameras, and their noise.
+    frame: int = 0,
+) -> Exact:
+    """Return what exact cameras see of a volume, turned over as `TURNS` says, with their noise.
 
-    The volume, and with it the active voxels, is turned over as `TURNS` says; both are returned
-    too.
+    ``frame`` numbers the moments that are drawn with the same ``turn``.
     """
     grid = observation.grid
     fine = VoxelGrid.from_bounds([FINER * n for n in grid.shape], grid.lower, grid.upper)
@@ -44,11 +53,12 @@ def exact_images(
     seen = system.images(system.projector @ system.projector.active.compress(values))
     made = []
     for camera, image, noise in zip(observation.rig, seen, observation.noise, strict=True):
-        random = np.random.default_rng([turn, zlib.crc32(camera.name.encode())])
+        seed = [turn, zlib.crc32(camera.name.encode())]
+        random = np.random.default_rng(seed + [frame] * (frame > 0))
         spread = np.sqrt(noise.variance(image))
         made.append((image + random.normal(size=image.shape) * spread).astype(np.float32))
     if active is not None and not active.all:
         mask = np.flip(active.mask.reshape(grid.shape), TURNS[turn])
         active = ActiveVoxels.from_mask(grid, mask)
     turned = np.ascontiguousarray(np.flip(volume, TURNS[turn]))
-    return replace(observation, images=tuple(made)), active, turned
+    return Exact(replace(observation, images=tuple(made)), active, turned)

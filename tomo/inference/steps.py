@@ -1,4 +1,4 @@
-"""One step of every effect from a fit, and what the same steps come to on the null."""
+"""One step of every effect from the fits, and what the same steps come to on the null."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels
-from tomo.inference.fit import Fit, Values, first_fit, next_fit, with_surroundings
+from tomo.inference.fit import Fit
 from tomo.inference.null import exact_images
+from tomo.inference.solve import Values, first_fits, next_fits
 from tomo.model.effect import Effect
 from tomo.model.gauge import without_gauge
 
@@ -22,57 +23,60 @@ DETAIL = 0.3
 
 
 class Steps:
-    """One step of every effect from a fit, each found when it is asked for.
+    """One step of every effect from the fits of some frames, each found when it is asked for.
 
     Parameters
     ----------
-    fit : Fit
+    fits : sequence of Fit
+        One a frame.
     effects : sequence of Effect
     values : mapping
         What was corrected already: priors hold for the sum.
     """
 
-    def __init__(self, fit: Fit, effects: Sequence[Effect], values: Values) -> None:
-        self.fit, self.effects, self.values = fit, effects, values
+    def __init__(self, fits: Sequence[Fit], effects: Sequence[Effect], values: Values) -> None:
+        self.fits, self.effects, self.values = tuple(fits), effects, values
         self._shared: dict[str, float] = {}
 
     @cached_property
-    def _together(self) -> Fit:
+    def _together(self) -> tuple[tuple[Fit, ...], Values]:
         own = [effect for effect in self.effects if not effect.shared]
-        return next_fit(self.fit, own, values=self.values)
+        return next_fits(self.fits, own, values=self.values)
 
     @cached_property
     def own(self) -> Values:
         """Steps of what each view has for itself, all together, without the gauge."""
-        found = self._together.values
-        return without_gauge(found, self.fit.observation, self.fit.means)
+        return without_gauge(self._together[1], self.fits[0].observation, mean_volume(self.fits))
 
     @property
     def misfit(self) -> float:
         """Root mean square of the residual that these steps leave."""
-        fit = self._together
-        return float(np.sqrt(np.average(fit.residual**2, weights=fit.trust + 1e-12)))
+        fits = self._together[0]
+        squares = np.concatenate([one.residual**2 for one in fits])
+        weights = np.concatenate([one.trust + 1e-12 for one in fits])
+        return float(np.sqrt(np.average(squares, weights=weights)))
 
     def shared(self, effect: Effect) -> float:
         """Return the step of an effect that all views share, let loose alone."""
         if effect.name not in self._shared:
-            found = next_fit(self.fit, (effect,), values=self.values).values
+            _, found = next_fits(self.fits, (effect,), values=self.values)
             self._shared[effect.name] = float(found[effect.name][0, 0])
         return self._shared[effect.name]
 
     @cached_property
     def outside(self) -> float:
         """The fraction of all light that voxels around the grid explain."""
-        return next_fit(with_surroundings(self.fit)).light_outside
+        fits, _ = next_fits([one.with_surroundings() for one in self.fits])
+        return fraction_outside(fits)
 
     @property
     def hidden(self) -> NDArray[np.float64]:
         """The fraction of every view's pixels that lost their weight, ``(views,)``."""
-        return distrust(self.fit)
+        return distrust(self.fits)
 
 
 class Null:
-    """Steps on scenes like the one found, seen by exact cameras through the known gas.
+    """Steps on scenes like those found, seen by exact cameras through the known gas.
 
     Parameters
     ----------
@@ -82,15 +86,20 @@ class Null:
     """
 
     def __init__(self, steps: Steps, active: ActiveVoxels | None) -> None:
-        fit, effects = steps.fit, steps.effects
-        views = len(fit.observation.rig)
-        none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
+        fits, effects = steps.fits, steps.effects
+        one = fits[0].observation
+        none = {e.name: np.zeros((len(one.rig), len(e.parameters))) for e in effects}
         self._drawn = []
         for turn in range(DRAWN):
-            made = exact_images(fit.observation, fit.means, turn, active)
-            same = made[1] is active and not fit.observation.absorption.emission
-            system = fit.system if same else None
-            drawn = first_fit(*made, rounds=1, system=system)
+            made = [
+                exact_images(fit.observation, fit.means, turn, active, frame)
+                for frame, fit in enumerate(fits)
+            ]
+            turned = made[0].active
+            same = turned is active and not one.absorption.emission
+            systems = [fit.system for fit in fits] if same else None
+            observations, volumes = [m.observation for m in made], [m.volume for m in made]
+            drawn = first_fits(observations, turned, volumes, rounds=1, systems=systems)
             self._drawn.append(Steps(drawn, effects, none))
         misfit = float(np.mean([one.misfit for one in self._drawn]))
         self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300)) ** 0.5
@@ -115,11 +124,26 @@ class Null:
         return mean, float(np.hypot(np.std(drawn, ddof=1), DETAIL * mean))
 
 
-def distrust(fit: Fit, lit: float = -np.inf) -> NDArray[np.float64]:
+def mean_volume(fits: Sequence[Fit]) -> NDArray[np.float32]:
+    """Return the mean of the frames' emission in every voxel, ``(nx, ny, nz)``."""
+    return np.mean([one.means for one in fits], axis=0)
+
+
+def fraction_outside(fits: Sequence[Fit]) -> float:
+    """Return the fraction of all light that voxels around the grid explain."""
+    light = sum(float(one.measured.sum()) for one in fits)
+    return sum(one.light_outside for one in fits) / max(light, 1e-300)
+
+
+def distrust(fits: Sequence[Fit], lit: float = -np.inf) -> NDArray[np.float64]:
     """Return the fraction of every view's usable pixels that lost their weight, ``(views,)``.
 
-    Those count that are as bright as ``lit``, measured or predicted.
+    Those count that are as bright as ``lit``, measured or predicted; the mean of the frames.
     """
+    return np.mean([_distrust(one, lit) for one in fits], axis=0)
+
+
+def _distrust(fit: Fit, lit: float) -> NDArray[np.float64]:
     ptr = fit.system.projector.view_ptr
     bright = np.maximum(fit.measured, fit.measured - fit.residual) >= lit
     counted = fit.usable & bright

@@ -7,8 +7,10 @@ from collections.abc import Mapping
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.model.effect import image_frame
+from rigs.scene.scene_camera import own_camera
 from tomo.model.observation import Observation
+from tomo.model.pose import Pose, image_motions
+from tomo.model.stated import stated_errors
 
 FLOOR = 0.03
 """Length in pixels below which motions count by their squares: smaller, iterations jump."""
@@ -30,8 +32,10 @@ def without_gauge(
 
     Where single views may be wrong, the sum of the views' lengths is made least, so that one may
     be far off and the others right; the median of the gains is one. Where ``free`` says that most
-    views may be wrong, least squares are: a scene that is moved as a whole would be paid for by
-    cameras that are held out.
+    views may be wrong, least squares are, and what is bright stays where most saw it: a scene that
+    is moved as a whole would be paid for by cameras that are held out. Either way a camera holds
+    the scene the less, the farther off it may be by what the rig states of it and by what mounts
+    do.
     """
     found = dict(values)
     most = {
@@ -43,52 +47,52 @@ def without_gauge(
         if most[name]:
             found[name] = found[name] - np.median(found[name][sure])
     if "pose" in found and most["pose"] and found["pose"].any():
-        motions = scene_motions(observation, volume)
-        rounds = REWEIGHTINGS if free is None else 1
-        found["pose"] = _shortest(found["pose"], motions, rounds)
+        motions, images = scene_motions(observation, volume)
+        trust = 1 / _doubt(observation)[:, None, None]
+        if free is None:
+            found["pose"] = _shortest(found["pose"], motions, trust)
+        else:
+            left = _less(found["pose"], motions, trust * np.eye(6))
+            found["pose"] = _less(left, motions[:, :, :6], trust * images)  # zooms keep its size
     return found
 
 
-def scene_motions(observation: Observation, volume: NDArray) -> NDArray[np.float64]:
+def _doubt(observation: Observation) -> NDArray[np.float64]:
+    """Return how far off each camera may be, in units of the best known one, ``(views,)``."""
+    stated = stated_errors(observation.rig, observation.grid, observation.pixel)
+    mounts = Pose.sigma / observation.pixel
+    found = np.sqrt(np.square(stated).mean(axis=1) + mounts**2)
+    return found / found.min()
+
+
+def scene_motions(
+    observation: Observation, volume: NDArray
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what motions and a growth of the scene make of each view, ``(views, 6, 7)``.
 
     The parameters are those of `tomo.model.Pose`; the modes are three shifts, three turns and a
-    growth about the middle of the light, fitted to the images of the brightest voxels.
+    growth about the middle of the light, fitted to the images of the brightest voxels. Also
+    returns ``R``, ``(views, 6, 6)``: ``|R t|`` is the root mean square, over the light, of what
+    the motion ``t`` moves images by.
     """
     points, weight = _brightest(observation, volume)
     grid, rig = observation.grid, observation.rig
     step, span = 0.01 * min(grid.extent), max(grid.extent)
-    middle, angle = np.asarray(grid.center), step / span
-    modes = [points + step * axis for axis in np.eye(3)]
-    modes += [points + step * np.cross(axis, points - middle) / span for axis in np.eye(3)]
-    modes += [points + step * (points - middle) / span]
-    found = np.zeros((len(rig), 6, len(modes)))
+    middle, axes = np.asarray(grid.center), np.eye(3)[:, None]
+    about = (points - middle) / span
+    shifts = np.broadcast_to(axes, (3, *points.shape))
+    modes = step * np.concatenate([shifts, np.cross(axes, about), about[None]])  # (7, N, 3)
+    found, images = np.zeros((len(rig), 6, len(modes))), np.zeros((len(rig), 6, 6))
     for view, camera in enumerate(rig):
-        at = np.asarray(camera.project(points)[0])
-        seen = np.isfinite(at).all(axis=1)
-        at, both = np.where(seen[:, None], at, 0), np.tile(np.where(seen, weight, 0), 2)
-        width, height = camera.image_size
-        _, _, radius = image_frame(camera.image_size)
-        center = np.array([width - 1, height - 1]) / 2
-        if camera.has_pose:
-            center = np.asarray(camera.camera_matrix[:2, 2])
-        x, y = ((at - center) / radius).T
-        one, no = np.ones_like(x), np.zeros_like(x)
-
-        def change(there: NDArray, camera=camera, at=at, seen=seen) -> NDArray:
-            moved = np.where(seen[:, None], np.asarray(camera.project(there)[0]) - at, 0)
-            return np.r_[moved[:, 0], moved[:, 1]]
-
-        columns = [np.r_[one, no], np.r_[no, one], np.r_[-y, x], np.r_[x, y]]
-        for axis in (camera.R[1], camera.R[0]):  # the scene turns the other way
-            turned = points + angle * np.cross(points - middle, axis)
-            columns.append(change(turned) / (angle * radius))
-        basis = np.stack(columns, axis=1)
-        if not camera.has_pose:
-            basis[:, 2:4] = 0
-        made = np.stack([change(there) for there in modes], axis=1)
-        found[view] = np.linalg.lstsq(basis * both[:, None], made * both[:, None], rcond=1e-9)[0]
-    return found
+        by_pose, by_point = image_motions(camera, points, middle)
+        if not own_camera(camera).has_pose:
+            by_pose[2:4] = 0
+        both = np.concatenate([by_pose, np.einsum("nij,knj->kni", by_point, modes)])
+        seen = np.isfinite(both).all(axis=(0, 2))[:, None]
+        both = np.where(seen, both * weight[:, None], 0).reshape(len(both), -1).T  # (2 N, 13)
+        found[view] = np.linalg.lstsq(both[:, :6], both[:, 6:], rcond=1e-9)[0]
+        images[view] = np.linalg.qr(both[:, :6])[1]
+    return found, images
 
 
 def _brightest(observation: Observation, volume: NDArray) -> tuple[NDArray, NDArray]:
@@ -107,14 +111,21 @@ def _brightest(observation: Observation, volume: NDArray) -> tuple[NDArray, NDAr
 
 
 def _shortest(
-    motion: NDArray[np.float64], modes: NDArray[np.float64], rounds: int
+    motion: NDArray[np.float64], modes: NDArray[np.float64], trust: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the motions less the scene's: of the least squares, or after rounds, least sum."""
-    weight, left = np.ones(len(motion)), motion
-    flat = modes.reshape(-1, modes.shape[2])
-    for _ in range(rounds):
-        root = np.repeat(np.sqrt(weight), motion.shape[1])
-        move = np.linalg.lstsq(flat * root[:, None], motion.ravel() * root, rcond=1e-9)[0]
-        left = motion - modes @ move
-        weight = 1 / np.sqrt((left**2).sum(axis=1) + FLOOR**2)
+    """Return the motions less the scene's, of the least sum of lengths by the views' trust."""
+    trust = trust.ravel()
+    weight, left = trust**2, motion
+    for _ in range(REWEIGHTINGS):
+        left = _less(motion, modes, np.sqrt(weight)[:, None, None] * np.eye(motion.shape[1]))
+        weight = trust**2 / np.hypot(trust * np.linalg.norm(left, axis=1), FLOOR)
     return left
+
+
+def _less(
+    motion: NDArray[np.float64], modes: NDArray[np.float64], roots: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the motions less the scene's, of the least sum of ``|R t|²`` over the views."""
+    flat = (roots @ modes).reshape(-1, modes.shape[2])
+    whole = np.einsum("vij,vj->vi", roots, motion).ravel()
+    return motion - modes @ np.linalg.lstsq(flat, whole, rcond=1e-9)[0]

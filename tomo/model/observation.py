@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -44,6 +45,10 @@ class Observation:
         The variance of each image's blur, in squared pixels; 0 when None.
     supersample : int
         Rays along each side of a pixel.
+    pixel : int
+        Width of a pixel, in those of the images as recorded.
+    light : float, optional
+        The brightest light of a film that this is a frame of; that of its own images when None.
     """
 
     rig: Rig
@@ -55,10 +60,14 @@ class Observation:
     sets_scale: tuple[bool, ...] | None = None
     blur: tuple[float, ...] | None = None
     supersample: int = 1
+    pixel: int = 1
+    light: float | None = None
 
     @cached_property
     def brightest(self) -> float:
         """The brightest light of all images, in their unit; 0 where all are dark."""
+        if self.light is not None:
+            return self.light
         found = [
             float(np.percentile(image[mask], BRIGHT)) if mask.any() else 0.0
             for image, mask in zip(self.images, self.masks, strict=True)
@@ -77,8 +86,22 @@ class Observation:
         return replace(
             self, rig=found.rig, images=found.images, masks=found.masks, noise=noise,
             grid=found.grid,
-            supersample=rays,
+            supersample=rays, pixel=factor * self.pixel,
         )  # fmt: skip
+
+    def ordered(self, names: Sequence[str]) -> Observation:
+        """Return the observation with its views in the order of their names."""
+        order = [self.rig.names.index(name) for name in names]
+        sure = self.sets_scale
+        return replace(
+            self,
+            rig=replace(self.rig, cameras=tuple(self.rig[n] for n in order)),
+            images=tuple(self.images[n] for n in order),
+            masks=tuple(self.masks[n] for n in order),
+            noise=tuple(self.noise[n] for n in order),
+            sets_scale=sure and tuple(sure[n] for n in order),
+            blur=self.blur and tuple(self.blur[n] for n in order),
+        )
 
     @property
     def in_sight(self) -> Observation:
@@ -94,7 +117,8 @@ class Observation:
         unit = 2.0**power
         noise = tuple(NoiseModel(one.read / unit, one.gain / unit) for one in self.noise)
         gas = replace(self.absorption, emission=self.absorption.emission * unit)
-        return replace(self, images=images, noise=noise, absorption=gas)
+        light = None if self.light is None else self.light / unit
+        return replace(self, images=images, noise=noise, absorption=gas, light=light)
 
     def __repr__(self) -> str:
         """Name the number of views and the grid."""

@@ -11,17 +11,14 @@ import numpy as np
 from tomo._compute.memory import peak_memory
 from tomo.operators import STORED, LinearSystem
 from tomo.pipeline.assess import Assessed
-from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.depth_of_field import depth_of_field
 from tomo.pipeline.evaluate import Evaluated, Reference
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
+from tomo.pipeline.prepare import Prepared
 from tomo.pipeline.reconstruction import Reconstruction
-from tomo.pipeline.register import Registered
-from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved
 from tomo.pipeline.stage import Record
-from tomo.pipeline.trace import TracedScan
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.scan import Scan
 
@@ -32,10 +29,7 @@ class Stages:
 
     reference: Reference
     load: LoadedScan
-    screen: ScreenedScan
-    register: Registered
-    trace: TracedScan
-    build: WeightedSystem
+    ready: Prepared
     solve: Solved
     compare: Compared
     evaluate: Evaluated
@@ -44,12 +38,18 @@ class Stages:
     @property
     def records(self) -> dict[str, Record]:
         """The seconds and warnings of each, by its name in ``report.json``."""
-        named = {("uncertainty" if k == "assess" else k): v.record for k, v in vars(self).items()}
-        both = named.pop("reference"), named["load"]
-        named["load"] = Record(
+        both = self.reference.record, self.load.record
+        load = Record(
             sum(one.seconds for one in both), tuple(line for one in both for line in one.warnings)
         )
-        return named
+        return {
+            "load": load,
+            **self.ready.records,
+            "solve": self.solve.record,
+            "compare": self.compare.record,
+            "evaluate": self.evaluate.record,
+            "uncertainty": self.assess.record,
+        }
 
 
 def assemble(
@@ -67,9 +67,10 @@ def assemble(
         Wall time of the whole reconstruction.
     """
     scan, grid = stages.load.scan, stages.solve.built.system.projector.grid
-    registered, built, evaluated = stages.register, stages.solve.built, stages.evaluate
+    ready, built, evaluated = stages.ready, stages.solve.built, stages.evaluate
+    screened, registered = ready.screened, ready.registered
     system, names = stages.solve.built.system, registered.rig.names
-    pixels, gains = stages.screen.pixels, stages.screen.gains
+    pixels, gains = screened.pixels, screened.gains
     unseen = int(np.count_nonzero(stages.assess.unseen))
     return Reconstruction(
         solution=replace(evaluated.solution, peak_memory=peak_memory()),
@@ -86,10 +87,8 @@ def assemble(
             "active_voxels": system.projector.active.size - unseen,
         },
         carving=registered.report(system.projector.shape[0]),
-        screening={**pixels.report(), "excluded": list(stages.screen.excluded)}
-        if pixels
-        else None,
-        findings=stages.screen.findings,
+        screening={**pixels.report(), "excluded": list(screened.excluded)} if pixels else None,
+        findings=screened.findings,
         depth_of_field=depth_of_field(scan.rig, grid, options),
         refinement=registered.refinement.report() if registered.refinement else None,
         refined_rig=registered.recorded_rig(scan) if registered.refinement else None,
@@ -99,7 +98,7 @@ def assemble(
             "choose": stages.solve.solution.seconds["choose"],
             "total": seconds,
         },
-        first_use_seconds=first_use + stages.trace.first_use_seconds,
+        first_use_seconds=first_use + ready.traced.first_use_seconds,
         unseen=stages.assess.unseen,
         warnings=tuple(line for one in stages.records.values() for line in one.warnings),
         options=options,

@@ -10,8 +10,8 @@ from rigs import ring
 from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
-from tomo.inference.fit import first_fit
 from tomo.inference.null import exact_images
+from tomo.inference.solve import first_fit
 from tomo.measurement import NoiseModel
 from tomo.model import Observation
 from tomo.operators import STORED, Projector

@@ -9,16 +9,11 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import CameraLike
-from rigs.progress import Progress
-from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.hull import carve
+from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding
-from tomo.inference.fit import Fit, first_fit
 from tomo.inference.infer import Inference, infer
-from tomo.inference.misplaced import TURNS, find_misplaced
-from tomo.inference.steps import distrust
-from tomo.inference.unusable import doubles, is_dark
+from tomo.inference.solve import first_fits
+from tomo.inference.steps import mean_volume
 from tomo.model import (
     Absorbing,
     Background,
@@ -33,36 +28,20 @@ from tomo.model.effect import Effect
 from tomo.operators import Absorption, extinction_of
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
+from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy, factor_of
+from tomo.pipeline.findings import findings_of
+from tomo.pipeline.frames import images_of, noise_of_frames
+from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
-from tomo.pipeline.screen import ScreenedScan, parted
+from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.pipeline.usable import with_image_in_place, without_unusable
 from tomo.scan import Scan
-from tomo.scan.downsample import coarsening
-
-SEGMENTS = 600_000
-"""Segments, about, of the coarse copy. More take longer; fewer hide what thin flames tell."""
-
-RAYS = 2
-"""Rays along each side of a pixel of that copy, where it is coarse, or so small that they cost
-little: of one ray each, pixels sample thin flames unevenly, which looks like gains."""
-
-COARSEST = 16
-"""Voxels along the grid's longest edge, and pixels along an image's shortest, of that copy."""
-
-FEWEST_VIEWS = 3
-"""Views that effects need at least: whatever is wrong, some volume reproduces two."""
 
 UNKNOWN_GAIN = 1.0
 """Prior standard deviation of the gains' logarithms where their fit is asked for: that of `Gain`
 pulls gains of 4 down by a hundredth."""
-
-LIT = 0.05
-"""Fraction of the brightest light from which a pixel is lit."""
-
-QUARTER = 4
-"""One in so many views may be dark where there is light, behind a frame: more must find a voxel
-dark before it is taken for empty."""
 
 
 def given_absorption(scan: Scan, options: Options) -> Absorption:
@@ -87,7 +66,7 @@ def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
     if options.align and options.refine_cameras in (None, ("none",)):  # else that moves cameras
-        found.append(Pose(Pose.sigma / factor))
+        found.append(Pose())
     return tuple(found)
 
 
@@ -96,7 +75,7 @@ def infer_effects(
     whole: Scan,
     grid: VoxelGrid,
     options: Options,
-    progress: Progress | None = None,
+    loaded: Sequence[LoadedScan] = (),
 ) -> ScreenedScan:
     """Return the images that take part, corrected by what exceeds its null.
 
@@ -107,16 +86,15 @@ def infer_effects(
         All cameras, those held out too.
     grid : VoxelGrid
     options : Options
-    progress : callable, optional
+    loaded : sequence of LoadedScan
+        The frames whose mean was screened. Effects are inferred from them together, not from
+        the mean, which has little fine structure where a flame moves.
     """
     with timed() as stage:
         if options.screen:
-            screened = _without_unusable(screened, whole)
-        known = given_absorption(screened.scan, options)
+            screened = without_unusable(screened, whole)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
-            names = screened.scan.rig.names  # looked at by name: the rig's order changes no bit
-            found = _inferred(_ordered(screened, sorted(names)), grid, options, known)
-            screened = _ordered(found, names)
+            screened = _inferred(screened, loaded, grid, options)
         stage.warnings += [one.sentence for one in screened.findings]
         screened = replace(screened, findings=(*screened.findings, *_overexposed(screened)))
         stage.warnings += _lines_for_scan(screened, whole, options)
@@ -144,97 +122,38 @@ def _lines_for_scan(screened: ScreenedScan, whole: Scan, options: Options) -> li
     return lines + ([dark] if dark else [])
 
 
-def _without_unusable(screened: ScreenedScan, whole: Scan) -> ScreenedScan:
-    """Return the scan without images that say nothing, if enough others are left."""
-    names, found = screened.scan.rig.names, []
-    for name, image, mask, noise in zip(
-        names, screened.images, screened.masks, screened.noise, strict=True
-    ):
-        if is_dark(image, mask, noise):
-            found.append(Finding("dark", name))
-    for first, second in doubles(screened.images):
-        found += [
-            Finding("order", names[a], other=names[b])
-            for a, b in ((first, second), (second, first))
-        ]
-    gone = tuple(dict.fromkeys(one.camera for one in found if one.camera))
-    if not found or len(names) - len(gone) < FEWEST_VIEWS:
-        return screened
-    return _left_out(replace(screened, findings=tuple(found)), whole, gone)
-
-
-def _left_out(screened: ScreenedScan, whole: Scan, gone: Sequence[str]) -> ScreenedScan:
-    """Return the scan without some more cameras."""
-    rest = replace(screened, apart=None, apart_images=[], apart_masks=[])
-    kept = parted(rest, screened.scan, gone)
-    if screened.apart is not None and kept.apart is not None:
-        names = [*screened.apart.rig.names, *kept.apart.rig.names]
-        both = dict(zip(names, [*screened.apart_images, *kept.apart_images], strict=True))
-        masks = dict(zip(names, [*screened.apart_masks, *kept.apart_masks], strict=True))
-        apart = whole.only(*names)
-        kept = replace(
-            kept,
-            apart=apart,
-            apart_images=[both[name] for name in apart.rig.names],
-            apart_masks=[masks[name] for name in apart.rig.names],
-        )
-    return replace(kept, excluded=(*screened.excluded, *gone))
-
-
-def _ordered(screened: ScreenedScan, names: Sequence[str]) -> ScreenedScan:
-    """Return the views that take part in another order."""
-    order = [screened.scan.rig.names.index(name) for name in names]
-    rig, gains = screened.scan.rig, screened.gains
-    if gains is not None:
-        gains = replace(
-            gains,
-            **{
-                name: getattr(gains, name)[order]
-                for name in ("gain", "offset", "gain_error", "offset_error")
-            },
-            reference=None if gains.reference is None else gains.reference[order],
-        )
-    return replace(
-        screened,
-        scan=replace(screened.scan, rig=replace(rig, cameras=tuple(rig[n] for n in names))),
-        images=[screened.images[n] for n in order],
-        masks=[screened.masks[n] for n in order],
-        noise=tuple(screened.noise[n] for n in order),
-        gains=gains,
-    )
-
-
 def _inferred(
-    screened: ScreenedScan, grid: VoxelGrid, options: Options, known: Absorption
+    screened: ScreenedScan, loaded: Sequence[LoadedScan], grid: VoxelGrid, options: Options
 ) -> ScreenedScan:
-    """Return the images corrected by what was found on a coarse copy."""
-    scan = screened.scan
-    factor = coarsening(scan.rig, grid, SEGMENTS, COARSEST)
-    single = coarsening(scan.rig, grid, SEGMENTS // RAYS**2, COARSEST)
-    rays = RAYS if factor > 1 or single == 1 else 1
+    """Return the images corrected by what was found on a coarse copy of the frames."""
+    scan, known = screened.scan, given_absorption(screened.scan, options)
+    factor = factor_of(scan.rig, grid)
     effects = effects_of(options, known, factor)
-    lit = [bool((i[m] > 0).any()) for i, m in zip(screened.images, screened.masks, strict=True)]
-    if len(scan.rig) < FEWEST_VIEWS or sum(lit) < FEWEST_VIEWS or not effects:
+    if len(scan.rig) < FEWEST_VIEWS or not effects:
         return screened
-    observation = Observation(
+    names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
+    whole = Observation(
         scan.rig, tuple(screened.images), tuple(screened.masks), screened.noise, grid, known,
         scan.sets_scale,
     )  # fmt: skip
-    levels = _own_levels(screened, effects)
-    coarse = Background().applied(observation.coarser(factor, rays).in_sight, levels[:, None])
-    if not coarse.brightest > 0:
+    frames, carving = [whole], options.skip and options.carving != OFF
+    if len(loaded) > 1:
+        each = [images_of(one, screened) for one in loaded]
+        noise = noise_of_frames(each)
+        frames = [replace(whole, images=tuple(one.images), noise=noise) for one in each]
+    levels = _own_levels(screened, names, effects)
+    copy = CoarseCopy.of([one.ordered(names) for one in frames], levels, factor, carving=carving)
+    if copy is None:
         return screened
-    power = math.frexp(coarse.brightest)[1]
-    coarse = coarse.in_powers_of_two(power)
-    active = _not_dark(coarse, options)
-    first = first_fit(coarse, active)
+    first = first_fits(copy.frames, copy.active)
     if options.screen:
-        moved = _in_place(screened, coarse, first, active)
+        moved = with_image_in_place(screened, copy, first)
         if moved is not None:
-            return _inferred(moved, grid, options, known)
-    found = infer(coarse, effects, active, _asked(options, effects), options.screen, first)
-    corrections = _corrections(found, observation, factor, power, levels)
-    seen = corrections.applied(observation)
+            return _inferred(moved, loaded, grid, options)
+    asked = _asked(options, effects)
+    found = infer(copy.frames, effects, copy.active, asked, options.screen, first)
+    corrections = _corrections(found, copy, whole)
+    seen = corrections.applied(whole)
     return replace(
         screened,
         scan=replace(scan, rig=seen.rig),
@@ -242,40 +161,17 @@ def _inferred(
         masks=list(seen.masks),
         noise=seen.noise,
         corrections=corrections,
-        findings=(*screened.findings, *_findings(found, corrections, observation)),
-        gains=_gains(found, corrections, observation, power),
-        emission=_emission(found, grid, power) if corrections.absorption.emission else None,
+        findings=(*screened.findings, *findings_of(found, corrections, whole)),
+        gains=_gains(found, corrections, whole, copy.power),
+        emission=_emission(found, copy, grid) if corrections.absorption.emission else None,
     )
 
 
-def _in_place(
-    screened: ScreenedScan, coarse: Observation, first: Fit, active: ActiveVoxels | None
-) -> ScreenedScan | None:
-    """Return the images with one that was turned over, or another camera's, in its place."""
-    found = find_misplaced(coarse, distrust(first, LIT * coarse.brightest), active)
-    if found is None or len(screened.findings) >= len(coarse.rig):
-        return None
-    names, images, masks = coarse.rig.names, list(screened.images), list(screened.masks)
-    noise, view, other = list(screened.noise), found.view, found.other
-    if other is None:
-        turn = TURNS[found.turned]
-        images[view], masks[view] = turn(images[view]).copy(), turn(masks[view]).copy()
-        said = [Finding("mirrored", names[view], other=found.turned)]
-    else:
-        images[view], images[other] = images[other], images[view]
-        masks[view], masks[other] = masks[other], masks[view]
-        noise[view], noise[other] = noise[other], noise[view]
-        pairs = ((view, other), (other, view))
-        said = [Finding("order", names[a], other=names[b]) for a, b in pairs]
-    return replace(
-        screened, images=images, masks=masks, noise=tuple(noise),
-        findings=(*screened.findings, *said),
-    )  # fmt: skip
-
-
-def _own_levels(screened: ScreenedScan, effects: Sequence[Effect]) -> NDArray[np.float64]:
+def _own_levels(
+    screened: ScreenedScan, names: Sequence[str], effects: Sequence[Effect]
+) -> NDArray[np.float64]:
     """Return the levels that single images show, where backgrounds are let loose, ``(views,)``."""
-    names, pixels = screened.scan.rig.names, screened.pixels
+    pixels = screened.pixels
     if pixels is None or not any(effect.name == Background.name for effect in effects):
         return np.zeros(len(names))
     return np.array([pixels.background.get(name, 0.0) for name in names])
@@ -288,62 +184,31 @@ def _asked(options: Options, effects: Sequence[Effect]) -> list[str]:
     return [effect.name for effect in effects if effect.name in names]
 
 
-def _not_dark(coarse: Observation, options: Options) -> ActiveVoxels | None:
-    """Return the voxels that dark pixels do not prove empty."""
-    if not options.skip or options.carving == OFF:
-        return None
-    votes = 1 + len(coarse.rig) // QUARTER
-    rig = tuple(coarse.rig)
-    found = carve(rig, coarse.images, coarse.masks, coarse.grid, votes=votes, noise=coarse.noise)
-    return found.active
-
-
-def _corrections(
-    found: Inference,
-    observation: Observation,
-    factor: int,
-    power: int,
-    levels: NDArray[np.float64],
-) -> Corrections:
-    """Return what was found for images as they are.
-
-    It was found on the coarse copy in units of ``2**power``, less ``levels``.
-    """
-    values = {name: np.array(one) for name, one in found.state.values.items()}
-    if "background" in values:
-        values["background"] *= 2.0**power
-        values["background"][:, 0] += levels / np.exp(values["gain"][:, 0])
-    for name, order in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
-        if name in values:
-            values[name] *= factor**order
-    fit, untrusted = found.state.fit, {}
+def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corrections:
+    """Return what was found on the copy for images as they are."""
+    names, fit, untrusted = copy.frames[0].rig.names, found.state.fits[0], {}
     lost = fit.system.images((~fit.usable).astype(np.float32))
-    for name, mask, image, hidden in zip(
-        observation.rig.names, observation.masks, lost, found.state.hidden, strict=True
-    ):
+    for name, image, hidden in zip(names, lost, found.state.hidden, strict=True):
         if hidden:
-            large = np.kron(image > 0, np.ones((factor, factor), bool))
-            rows, columns = (max(a, b) for a, b in zip(mask.shape, large.shape, strict=True))
-            whole = np.zeros((rows, columns), bool)
-            whole[: large.shape[0], : large.shape[1]] = large
-            untrusted[name] = whole[: mask.shape[0], : mask.shape[1]]
+            shape = whole.masks[whole.rig.names.index(name)].shape
+            untrusted[name] = copy.enlarged(image > 0, shape)
     return Corrections(
-        tuple(observation.rig.names),
-        observation.grid,
+        tuple(names),
+        whole.grid,
         found.effects,
-        values,
-        fit.observation.in_powers_of_two(-power).absorption,
+        copy.recorded(found.state.values),
+        fit.observation.in_powers_of_two(-copy.power).absorption,
         untrusted,
     )
 
 
-def _emission(found: Inference, grid: VoxelGrid, power: int) -> NDArray[np.float32]:
-    """Return the found emission in the voxels of a grid of the same box."""
+def _emission(found: Inference, copy: CoarseCopy, grid: VoxelGrid) -> NDArray[np.float32]:
+    """Return the found emission, the mean of the frames, in the voxels of a grid of its box."""
     from scipy.ndimage import zoom
 
-    coarse = found.state.fit.means
+    coarse = mean_volume(found.state.fits)
     ratio = np.divide(grid.shape, coarse.shape)
-    return np.ldexp(zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True), power)
+    return np.ldexp(zoom(coarse, ratio, order=1, mode="nearest", grid_mode=True), copy.power)
 
 
 def _gains(
@@ -353,7 +218,8 @@ def _gains(
     free = found.state.free
     if "gain" not in free:
         return None
-    gain, level = (corrections.values[n][:, 0] for n in ("gain", "background"))
+    rows = [corrections.names.index(name) for name in observation.rig.names]
+    gain, level = (corrections.values[n][rows, 0] for n in ("gain", "background"))
     if not (free["gain"].any() or free["background"].any() or level.any()):
         return None
     errors = [
@@ -368,59 +234,3 @@ def _gains(
         observation.brightest,
         None if observation.sets_scale is None else np.array(observation.sets_scale),
     )
-
-
-def _findings(
-    found: Inference, corrections: Corrections, observation: Observation
-) -> list[Finding]:
-    """Return what is said of each effect that was let loose, the gravest first."""
-    said, names, state = [], corrections.names, found.state
-    for effect in found.effects:
-        values = corrections.values[effect.name]
-        score = found.scores.get(effect.name, np.zeros(len(names)))
-        if effect.shared and values.any():
-            size, most = float(values[0, 0]), float(score.max())
-            if effect.of_gas:
-                said.append(Finding("absorption", size=size, score=most))
-            else:
-                said.append(Finding(effect.name, size=size, unit="%", score=most))
-        elif not effect.shared:
-            free = state.free[effect.name].any(axis=1) | (effect.name == Background.name)
-            for view in np.flatnonzero(free & values.any(axis=1)):
-                camera = observation.rig[names[view]]
-                what, size, unit = _size(effect.name, values[view], camera, observation)
-                said.append(Finding(what, camera.name, size, unit=unit, score=float(score[view])))
-    for view in np.flatnonzero(state.hidden):
-        fraction = float(corrections.untrusted[names[view]].mean())
-        if fraction > 0:
-            what = "scatter" if _is_brighter(state.fit, int(view)) else "hidden"
-            most = float(found.scores["hidden"][view])
-            said.append(Finding(what, names[view], fraction, unit="%", score=most))
-    if found.has_outside:
-        most = float(found.scores["outside"].max())
-        size = state.fit.light_outside
-        said.append(Finding("outside", size=size, unit="%", score=most, corrected=False))
-    return sorted(said, key=lambda one: -one.score)
-
-
-def _is_brighter(fit: Fit, view: int) -> bool:
-    """Return whether the pixels left out of a view are brighter than the volume says."""
-    own = slice(*fit.system.projector.view_ptr[view : view + 2])
-    return float(np.sum(fit.residual[own], where=~fit.usable[own])) > 0
-
-
-def _size(
-    effect: str, values: NDArray[np.float64], camera: CameraLike, observation: Observation
-) -> tuple[str, float, str]:
-    """Return what an effect of one camera is called, its size and unit."""
-    if effect == "gain":
-        return effect, float(np.expm1(values[0])), "%"
-    if effect == "background":
-        return effect, float(values[0]) / observation.brightest, "%"
-    if effect == "blur":
-        return effect, float(np.sqrt(values[0])), "px"
-    zoom = abs(values[3])
-    if zoom > np.abs(np.delete(values, 3)).max():
-        radius = min(camera.image_size) / 2
-        return "magnification", float(np.expm1(values[3] / radius)), "%"
-    return effect, float(np.linalg.norm(values)), "px"

@@ -8,24 +8,20 @@ from rigs.progress import Progress, progress_of, staged
 from tomo.grid import VoxelGrid
 from tomo.pipeline.assemble import Stages, assemble
 from tomo.pipeline.assess import assess
-from tomo.pipeline.build import build
 from tomo.pipeline.check_cameras import check_cameras
 from tomo.pipeline.check_options import (
     as_asked,
     cameras_to_refine,
     check_options,
 )
-from tomo.pipeline.evaluate import evaluate, read_reference, trace_apart
+from tomo.pipeline.evaluate import evaluate, read_reference
 from tomo.pipeline.first_use import warm_up_stages
-from tomo.pipeline.infer import infer_effects
 from tomo.pipeline.load import load
 from tomo.pipeline.options import Options
+from tomo.pipeline.prepare import prepare
 from tomo.pipeline.reconstruction import Reconstruction
-from tomo.pipeline.register import register
-from tomo.pipeline.screen import screen
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import compare, solve
-from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 
 
@@ -68,26 +64,15 @@ def _run_stages(
     loaded = load(scan, options.frame, grid, doubts)
     stage("compiling")
     first_use = warm_up_stages(options.tracer, carving=options.skip)
-    stage("pixels")
-    screened = screen(loaded, options.hold_out, look=options.screen)
-    screened = infer_effects(screened, scan, grid, options, stage("cameras and gas"))
     refine = cameras_to_refine(options, scan)
-    step = stage("empty voxels")
-    registered = register(screened, grid, options, refine, step)
-    traced = trace_views(screened, registered, grid, options, stage("tracing"))
-    apart = trace_apart(screened, traced.system, options)
-    stage("basis and weights")
-    built = build(screened, traced, options)
+    ready = prepare(scan, grid, options, [loaded], [loaded], refine, stage)
     step = stage("smoothness and solve")
-    solved = solve(built, options, watch=reference.watch, progress=step)
+    solved = solve(ready.built, options, watch=reference.watch, progress=step)
     solved = with_own_absorption(solved, options)
     step = stage("comparing") if options.compare else None
     compared = compare(solved.built, options, watch=reference.watch, progress=step)
     stage("predicted images")
-    evaluated = evaluate(loaded, screened, solved, compared, apart, reference, options)
+    evaluated = evaluate(loaded, ready.screened, solved, compared, ready.apart, reference, options)
     assessed = assess(solved, options, progress=stage("how far to trust it"))
-    stages = Stages(
-        reference, loaded, screened, registered, traced, built, solved, compared, evaluated,
-        assessed,
-    )  # fmt: skip
+    stages = Stages(reference, loaded, ready, solved, compared, evaluated, assessed)
     return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

@@ -1,4 +1,4 @@
-"""Stage 4, register: cameras that are to be refined, and voxels that dark pixels prove empty."""
+"""Stage 5, register: where cameras are, and the voxels that dark pixels prove empty."""
 
 from __future__ import annotations
 
@@ -13,12 +13,16 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import Carving, carve
+from tomo.measurement import NoiseModel
 from tomo.operators.system import Progress
+from tomo.pipeline.frames import FrameImages, noise_of_frames, usable_in_all
+from tomo.pipeline.hulls import HullRule, hull_of_frames, rule_of
 from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.refine import refine, sentence
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
-from tomo.selfcal.refine import Refinement, refine_cameras
+from tomo.selfcal.refine import Refinement
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,15 +37,23 @@ class Registered:
         True where a pixel may take part.
     active : ActiveVoxels
         The voxels that may be other than zero.
-    carving, refinement : optional
-        How they were found; None where it was not asked for.
+    noise : tuple of NoiseModel
+        That of one frame, for each camera.
+    carving : Carving, optional
+        How they were found: that of the middle frame. None where it was not asked for.
+    rule : HullRule, optional
+        How other frames are carved.
+    refinement : Refinement, optional
+        What was found of the cameras; None where it was not asked for.
     record : Record
     """
 
     rig: Rig
     masks: Sequence[NDArray[np.bool_]]
     active: ActiveVoxels
+    noise: tuple[NoiseModel, ...]
     carving: Carving | None = None
+    rule: HullRule | None = None
     refinement: Refinement | None = None
     record: Record = Record()
 
@@ -70,55 +82,50 @@ class Registered:
 
 def register(
     screened: ScreenedScan,
+    frames: Sequence[FrameImages],
     grid: VoxelGrid,
     options: Options,
     cameras: Sequence[str] = (),
+    refining: Sequence[FrameImages] = (),
     progress: Progress | None = None,
 ) -> Registered:
-    """Carve the volume and, where that is asked for, refine cameras, from the images alone.
+    """Refine cameras and carve the volume, from images alone.
+
+    Voxels are those that any of the frames may light, pixels those usable in all of them.
 
     Parameters
     ----------
     screened : ScreenedScan
+        Of the mean of the frames.
+    frames : sequence of FrameImages
+        As corrected; a still is one.
     grid : VoxelGrid
     options : Options
     cameras : sequence of str
         Those to refine, if they take part.
+    refining : sequence of FrameImages
+        The frames that refine them and that judge, in turn; none: nothing is refined.
     progress : callable, optional
     """
-    rig, images, masks = screened.scan.rig, screened.images, screened.masks
-    refined = tuple(name for name in cameras if name not in screened.excluded)
-    refinement, carving, active = None, None, ActiveVoxels(grid)
+    rig = screened.scan.rig
+    noise = screened.noise if len(frames) == 1 else noise_of_frames(frames)
+    masks, active, rule, carving = screened.masks, ActiveVoxels(grid), None, None
     with timed() as stage:
-        if refined:
-            refinement = refine_cameras(
-                rig,
-                images,
-                grid,
-                masks=masks,
-                skip=options.skip,
-                cameras=refined,
-                prior_pixels=options.refine_prior,
-                progress=progress,
-            )
+        refinement = refine(screened, refining, grid, options, cameras, progress)
+        if refinement is not None:
             rig = refinement.rig
-            stage.warnings.append(_of_refinement(refinement))
+            if refinement.accepted or options.refine_cameras is not None:
+                stage.warnings.append(sentence(refinement, -(-len(refining) // 2)))
         if options.skip:
             margin = math.inf if options.carving == OFF else options.carving
-            carving = carve(tuple(rig), images, masks, grid, margin=margin, noise=screened.noise)
-            masks, active = carving.pixels, carving.active
+            found = [
+                carve(tuple(rig), one.images, one.masks, grid, margin=margin, noise=noise)
+                for one in frames
+            ]
+            carving = found[len(found) // 2]
             stage.warnings += carving.warnings
-    return Registered(rig, masks, active, carving, refinement, stage.record)
-
-
-def _of_refinement(found: Refinement) -> str:
-    names = ", ".join(found.cameras)
-    if found.accepted:
-        return (
-            f"cameras refined from the images: {names}: {found.reason}. Use refined_rig.yaml for "
-            "further frames"
-        )
-    return (
-        f"cameras stay as the rig says: {names}: {found.reason}. Leave --refine-cameras out, or "
-        "name other cameras"
-    )
+            rule, active, seen = rule_of(found, options), carving.active, list(carving.pixels)
+            if len(frames) > 1:
+                active, seen = hull_of_frames(rig, frames, grid, rule, noise)
+            masks = usable_in_all([seen, masks])
+    return Registered(rig, masks, active, noise, carving, rule, refinement, stage.record)

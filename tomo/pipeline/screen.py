@@ -19,6 +19,24 @@ from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
 
 
+@dataclass(frozen=True)
+class Place:
+    """Where an image belongs that is turned over, or that of another camera.
+
+    Attributes
+    ----------
+    camera : str
+    other : str
+        The camera that it is exchanged with.
+    turned : str
+        How it is turned over, a key of `tomo.inference.misplaced.TURNS`.
+    """
+
+    camera: str
+    other: str = ""
+    turned: str = ""
+
+
 @dataclass(frozen=True, eq=False)
 class ScreenedScan:
     """A frame's images: those that take part, and those that are only compared with.
@@ -45,6 +63,8 @@ class ScreenedScan:
         The gains and backgrounds that the images were corrected by; None where they were not.
     excluded : tuple of str
         The cameras that say nothing, or what the others contradict.
+    places : tuple of Place
+        The images that were put in their places, one after the other.
     emission : (nx, ny, nz) float32, optional
         A quick volume, of gas that absorbs its own light.
     record : Record
@@ -62,6 +82,7 @@ class ScreenedScan:
     findings: tuple[Finding, ...] = ()
     gains: Gains | None = None
     excluded: tuple[str, ...] = ()
+    places: tuple[Place, ...] = ()
     emission: NDArray[np.float32] | None = None
     record: Record = Record()
 

@@ -1,93 +1,18 @@
-"""The images of one frame as a plan takes them: corrected, its bad pixels left out."""
+"""Frames of a film as they are read; those that cannot be read are left out where asked for."""
 
 from __future__ import annotations
 
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Literal, overload
 
-import numpy as np
-from numpy.typing import NDArray
-
-from tomo.measurement import NoiseModel
-from tomo.model import Observation
+from tomo.pipeline.frames import FrameImages, images_of
 from tomo.pipeline.load import LoadedScan, load
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.scan import Scan
-from tomo.scan.images import Images, Masks
 from tomo.series.frames import key_places
-
-
-@dataclass(frozen=True, eq=False)
-class FrameImages:
-    """The images of one frame.
-
-    Attributes
-    ----------
-    name : str
-        The frame's.
-    images, masks : list of (height, width)
-        Those of the cameras to reconstruct from; 0 where not usable.
-    apart_images, apart_masks : list of (height, width)
-        Those of the cameras that take no part.
-    warnings : tuple of str
-        What reading it found, such as many pixels at full scale.
-    """
-
-    name: str
-    images: Images
-    masks: Masks
-    apart_images: Images
-    apart_masks: Masks
-    warnings: tuple[str, ...] = ()
-
-
-def mean_of_frames(scan: Scan, loaded: list[LoadedScan]) -> LoadedScan:
-    """Return the mean of frames as a frame of its own, its pixels usable in all of them.
-
-    A projection is linear: the mean of the images is the image of the mean emission. Noise is
-    lower in it, and what is wrong with pixels, cameras and gains in every frame stays.
-    """
-    masks = usable_in_all([one.masks for one in loaded])
-    images = [
-        np.where(mask, np.mean(each, axis=0, dtype=np.float64), 0).astype(np.float32)
-        for mask, each in zip(
-            masks, zip(*(one.images for one in loaded), strict=True), strict=True
-        )
-    ]
-    return LoadedScan(scan, loaded[0].frame, images, masks)
-
-
-def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
-    """Return a frame's images as the screening of other frames settled them.
-
-    Pixels that it found bad are left out, cameras that it excluded take no part, and images that
-    it corrected are corrected alike.
-    """
-    rig, images, masks = loaded.scan.rig, tuple(loaded.images), tuple(loaded.masks)
-    if screened.pixels is not None:
-        known = zip(masks, screened.pixels.masks, strict=True)
-        masks = tuple(mask & usable for mask, usable in known)
-    if screened.corrections is not None:
-        noise = (NoiseModel(0.0),) * len(rig)
-        frame = Observation(rig, images, masks, noise, screened.corrections.grid)
-        found = screened.corrections.applied(frame, move=False)
-        images, masks = found.images, found.masks
-    both = zip(images, masks, strict=True)
-    everything = dict(zip(rig.names, both, strict=True))
-
-    def part(of: Scan | None) -> tuple[Images, Masks]:
-        pairs = [everything[name] for name in of.rig.names] if of else []
-        return [np.where(mask, image, np.float32(0)) for image, mask in pairs], [
-            m for _, m in pairs
-        ]
-
-    used, apart = part(screened.scan), part(screened.apart)
-    said = tuple(line for line in loaded.record.warnings if line not in loaded.scan.notes)
-    return FrameImages(loaded.frame, *used, *apart, said)
 
 
 class UnreadableError(ValueError):
@@ -187,8 +112,3 @@ def readable(
         read_frame(scan, wanted[0], False)  # raises, with the reason
         raise ValueError(f"{scan.source}: frames: found none that can be read, expected one")
     return tuple(found)
-
-
-def usable_in_all(masks: list[Masks]) -> list[NDArray[np.bool_]]:
-    """Return the pixels that are usable in every frame, one image a camera."""
-    return [np.logical_and.reduce(each) for each in zip(*masks, strict=True)]

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.measurement import NoiseModel
 from tomo.pipeline.options import Options
 from tomo.pipeline.register import Registered
 from tomo.pipeline.report_json import plain
@@ -17,7 +16,6 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.scan import Scan
 from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
-from tomo.series.hulls import HullRule
 from tomo.series.temporal import TemporalFilter, with_neighbours
 from tomo.series.temporal_choice import TemporalChoice
 from tomo.uncertainty import view_coverage
@@ -40,10 +38,6 @@ class Plan:
         The mean of the key frames: which cameras and pixels take part, and corrections of images.
     registered : Registered
         The cameras, shifted and refined where that was found worth it.
-    noise : tuple of NoiseModel
-        That of one frame, for each camera that takes part.
-    rule : HullRule, optional
-        How frames are carved.
     system : BlockSystem
         The equations of the mean, over the voxels that the key frames may light.
     emission : (nx, ny, nz) float32, optional
@@ -66,8 +60,6 @@ class Plan:
     keys: tuple[int, ...]
     screened: ScreenedScan
     registered: Registered
-    noise: tuple[NoiseModel, ...]
-    rule: HullRule | None
     system: BlockSystem
     emission: NDArray[np.float32] | None
     choice: Choice | None
@@ -97,6 +89,7 @@ class Plan:
         built, names = self.system.built, self.registered.rig.names
         gains, refinement = self.screened.gains, self.registered.refinement
         pixels, excluded = self.screened.pixels, list(self.screened.excluded)
+        rule = self.registered.rule
         return plain(
             {
                 "key_frames": [self.scan.frames[place].name for place in self.keys],
@@ -104,7 +97,7 @@ class Plan:
                 "choices": [one.setting._asdict() for one in self.choices],
                 "temporal": self.temporal and self.temporal.report(),
                 "basis": built.basis.report(),
-                "carving": self.rule and {"margin": self.rule.margin, "votes": self.rule.votes},
+                "carving": rule and {"margin": rule.margin, "votes": rule.votes},
                 "active_voxels": self.system.active.size,
                 "voxels": self._coverage,
                 "gains": gains.report(names) if gains else None,
@@ -115,7 +108,7 @@ class Plan:
                 "pixel_weights": dict(built.weighting),
                 "noise": {
                     name: {"read": one.read, "gain": one.gain}
-                    for name, one in zip(names, self.noise, strict=True)
+                    for name, one in zip(names, self.registered.noise, strict=True)
                 },
             }
         )

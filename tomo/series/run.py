@@ -18,11 +18,12 @@ import numpy as np
 from rigs.progress import FRAMES, Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.pipeline.check_options import as_asked
+from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
 from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
-from tomo.series.images import FrameImages, reader_of
+from tomo.series.images import reader_of
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
 from tomo.series.same_run import attributes_of_plan, attributes_of_run, check_same_run

@@ -13,11 +13,10 @@ import yaml
 
 from rigs.files.write_rig import rig_to_yaml
 from tomo.grid import VoxelGrid
-from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
-from tomo.series.cameras import refines
+from tomo.series.cameras import cameras_of_film
 from tomo.series.frames import BLOCK, refining_places
 from tomo.series.images import naming, readable, readable_keys
 from tomo.series.plan import Plan
@@ -45,7 +44,7 @@ def attributes_of_run(
     """
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
     refining: tuple[int, ...] = ()
-    if refines(options, cameras_to_refine(options, scan), len(places)):
+    if cameras_of_film(options, scan, len(places)):
         refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     return plain(
         {

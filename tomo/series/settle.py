@@ -1,7 +1,7 @@
 """Settling a plan from a few key frames, by the stages of `tomo.pipeline`.
 
-Pixels, gains, absorption and which cameras take part are settled from the mean of the key frames;
-where cameras look, how much is carved and how smooth volumes are from single ones.
+Pixels and which cameras take part are settled from the mean of the key frames; gains, absorption,
+where cameras look, how much is carved and how smooth volumes are from the frames themselves.
 """
 
 from __future__ import annotations
@@ -14,36 +14,25 @@ from numpy.typing import NDArray
 
 from rigs.progress import staged
 from tomo.grid import VoxelGrid
-from tomo.measurement import NoiseModel, estimate_noise
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
-from tomo.pipeline.build import WeightedSystem, build
+from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_cameras import check_cameras
-from tomo.pipeline.check_options import cameras_to_refine, check_options
-from tomo.pipeline.evaluate import data_range, read_reference, system_apart, trace_apart
+from tomo.pipeline.check_options import check_options
+from tomo.pipeline.evaluate import data_range, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
-from tomo.pipeline.infer import infer_effects
+from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
-from tomo.pipeline.screen import screen
+from tomo.pipeline.prepare import prepare
 from tomo.pipeline.solve import solve
-from tomo.pipeline.trace import trace_views
 from tomo.scan import Scan
 from tomo.selection import choose_by_left_out_pixels
 from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
-from tomo.series.cameras import refines, register_key_frames
+from tomo.series.cameras import cameras_of_film
 from tomo.series.frames import refining_places, spread
-from tomo.series.hulls import hull_of_frames, rule_of
-from tomo.series.images import (
-    FrameImages,
-    images_of,
-    mean_of_frames,
-    read_frame,
-    readable,
-    readable_keys,
-    usable_in_all,
-)
+from tomo.series.images import read_frame, readable, readable_keys
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
 from tomo.series.temporal_plan import settle_filter
@@ -121,41 +110,25 @@ def make_plan(
     stage("reading key frames")
     keys = readable_keys(scan, places, options)
     loaded = [read_frame(scan, place, False) for place in keys]
-    stage("pixels and cameras")
-    screened = screen(mean_of_frames(scan, loaded), options.hold_out, look=options.screen)
-    screened = infer_effects(screened, scan, grid, options)
-    frames = [images_of(one, screened) for one in loaded]
-    asked, tell = cameras_to_refine(options, scan), stage("where cameras look")
-    others: list[FrameImages] = []
-    if refines(options, asked, len(places)):
-        refining = readable(scan, refining_places(places, options), places, options.skip_bad)
-        others = [images_of(read_frame(scan, place, False), screened) for place in refining]
-    registered = register_key_frames(screened, frames, others, grid, options, asked, tell)
-    stage("carving")
-    noise = noise_of_frames(frames)
-    rule = rule_of(registered.rig, frames, grid, options, noise)
-    found = hull_of_frames(registered.rig, frames, grid, rule, noise)
-    registered = replace(
-        registered, active=found[0], masks=usable_in_all([found[1], screened.masks])
-    )
-    traced = trace_views(screened, registered, grid, options, stage("tracing"))
-    apart = trace_apart(screened, traced.system, options)
-    stage("basis and weights")
-    built = build(screened, traced, options)
-    emission = _emission(built, options)
+    cameras = cameras_of_film(options, scan, len(places))
+    refining = readable(scan, refining_places(places, options), places, options.skip_bad)
+    others = [read_frame(scan, place, False) for place in refining] if cameras else []
+    ready = prepare(scan, grid, options, loaded, others, cameras, stage)
+    screened, registered, built = ready.screened, ready.registered, ready.built
+    emission, apart = _emission(built, options), ready.apart
     if apart is not None:
         apart = system_apart(apart, built, emission, options)
     system = BlockSystem(built, apart, registered.active, tuple(registered.masks))
     truth = read_reference(scan, grid, scan.frames[keys[0]].name)
-    done = (screened, registered, traced, built, truth)
+    done = (*ready.records.values(), truth.record)
     plan = Plan(
-        scan, grid, options, tuple(places), keys, screened, registered, noise, rule, system,
+        scan, grid, options, tuple(places), keys, screened, registered, system,
         emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
-        (*doubts, *scan.remarks, *(line for one in done for line in one.record.warnings)),
+        (*doubts, *scan.remarks, *(line for one in done for line in one.warnings)),
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:
         return plan
-    telling = [frames[place] for place in spread(len(frames), CHOOSING)]
+    telling = [ready.frames[place] for place in spread(len(keys), CHOOSING)]
     choices = tuple(
         choose(plan, system, frame, stage(f"smoothness {number} of {len(telling)}"))
         for number, frame in enumerate(telling, 1)
@@ -187,20 +160,6 @@ def middle(choices: Sequence[Choice]) -> Choice:
     telling = [one for one in choices if np.isfinite(one.held_out_residual)] or list(choices)
     order = sorted(telling, key=lambda one: (one.strength, one.width, one.iterations))
     return order[len(order) // 2]
-
-
-def noise_of_frames(frames: Sequence[FrameImages]) -> tuple[NoiseModel, ...]:
-    """Return the noise of one frame, for each camera: the median of what frames show."""
-    found = []
-    for images, masks in zip(
-        zip(*(one.images for one in frames), strict=True),
-        zip(*(one.masks for one in frames), strict=True),
-        strict=True,
-    ):
-        own = [estimate_noise(*both) for both in zip(images, masks, strict=True)]
-        read, gain = (float(np.median([getattr(one, n) for one in own])) for n in ("read", "gain"))
-        found.append(NoiseModel(read, gain))
-    return tuple(found)
 
 
 def _emission(built: WeightedSystem, options: Options) -> NDArray[np.float32] | None:

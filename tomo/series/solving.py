@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evaluate import read_reference, views_of
+from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
@@ -22,7 +23,6 @@ from tomo.selection import solve_several_smoothly
 from tomo.selection.choose import Choice
 from tomo.selection.smooth_solve import smooth_start
 from tomo.series.block_system import BlockSystem
-from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
 from tomo.solvers import Iteration, Solution
@@ -145,7 +145,9 @@ def _figures(
     """Return the figures of a volume, such as its total, and those of its images by camera."""
     built, volume = solved.built, solved.solution.volume
     views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks)
-    views = [replace(view, noise=one) for view, one in zip(views, plan.noise, strict=True)]
+    views = [
+        replace(view, noise=one) for view, one in zip(views, plan.registered.noise, strict=True)
+    ]
     apart: list[View] = []
     if system.apart is not None:
         other = system.apart

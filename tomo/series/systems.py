@@ -11,10 +11,10 @@ from tomo.grid import ActiveVoxels
 from tomo.pipeline.basis import in_basis
 from tomo.pipeline.build import WeightedSystem, weigh_images
 from tomo.pipeline.evaluate import system_apart, trace_apart
+from tomo.pipeline.frames import FrameImages, usable_in_all
+from tomo.pipeline.hulls import hull_of_frames
 from tomo.pipeline.trace import through_gas, trace_views
 from tomo.series.block_system import BlockSystem
-from tomo.series.hulls import hull_of_frames
-from tomo.series.images import FrameImages, usable_in_all
 from tomo.series.plan import Plan
 
 
@@ -24,8 +24,10 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
     A pixel takes part where it is usable in all frames of the block. The equations of the plan
     serve where the block asks for the same voxels and pixels.
     """
-    rig, noise = plan.registered.rig, plan.noise
-    active, seen = hull_of_frames(rig, frames, plan.grid, plan.rule, noise, plan.system.active)
+    rig, noise = plan.registered.rig, plan.registered.noise
+    active, seen = hull_of_frames(
+        rig, frames, plan.grid, plan.registered.rule, noise, plan.system.active
+    )
     usable = usable_in_all([frame.masks for frame in frames])
     pixels = tuple(usable_in_all([seen, usable]))
     known = plan.system
@@ -59,7 +61,9 @@ def weighted(plan: Plan, system: BlockSystem, frame: FrameImages) -> WeightedSys
     known, of_block = plan.system.built, system.built.system
     weights = None
     if known.weighting["used"]:
-        found = weigh_images(plan.registered.rig, plan.grid, frame.images, frame.masks, plan.noise)
+        found = weigh_images(
+            plan.registered.rig, plan.grid, frame.images, frame.masks, plan.registered.noise
+        )
         weights = None if found.images is None else of_block.flatten(found.images)
     return replace(system.built, measured=of_block.flatten(frame.images), weights=weights)
 

@@ -6,10 +6,10 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 
+from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.solve import voxel_means_of
 from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
-from tomo.series.images import FrameImages
 from tomo.series.plan import Plan
 from tomo.series.solving import FrameResult, compared, solved_together
 from tomo.series.systems import weighted

@@ -54,6 +54,13 @@ def covariance_of(
     return float(np.sqrt(variance)), variance * inverse * np.outer(scale, scale)
 
 
+def root_of(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a matrix whose product with its transpose is a covariance, ``(P, P)``."""
+    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    values, vectors = np.linalg.eigh(covariance / np.outer(deviation, deviation))
+    return deviation[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))
+
+
 def labels(
     names: tuple[str, ...], freedom: Freedom, windows: tuple[str, ...] = ()
 ) -> tuple[tuple[str, str], ...]:

@@ -7,9 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.accuracy import Accuracy
 from rigs.calibrate.adjust.bundle import adjust
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
+from rigs.calibrate.quality.accuracy import camera_accuracies
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
 from rigs.calibrate.quality.region import evaluation_points
@@ -69,6 +71,8 @@ class Quality:
     lens_misfit : (cameras,) float64
         By how many standard deviations what is held of a lens does not fit; about 1 when it does,
         0 where nothing is held.
+    accuracy : tuple of Accuracy or None
+        How exactly each camera is known; see `camera_accuracies`.
     """
 
     points: NDArray[np.float64]
@@ -88,6 +92,7 @@ class Quality:
     depth_range: NDArray[np.float64]
     focal_error: NDArray[np.float64]
     lens_misfit: NDArray[np.float64]
+    accuracy: tuple[Accuracy | None, ...]
 
 
 def measure(
@@ -123,7 +128,9 @@ def measure(
     points, seen = evaluation_points(rig, scene, observations.where(used), volume)
     squares = np.zeros(seen.shape)
     cross, expected = np.nan, np.nan
+    accuracy: tuple[Accuracy | None, ...] = (None,) * len(rig)
     if len(points):
+        accuracy = camera_accuracies(scene, freedom, covariance, points, seen)
         squares = predicted_squares(scene, freedom, covariance, points, seen)
         whole = float(_rms(squares, seen, (0, 1)))
         cross, expected = _cross_validated(
@@ -159,6 +166,7 @@ def measure(
         depths,
         focal_errors(scene, freedom, covariance / excess),
         lens_misfit(scene, observations.where(used), freedom, noise),
+        accuracy,
     )
     return quality, noise, covariance
 

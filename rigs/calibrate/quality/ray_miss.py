@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import Scene, rays_by_camera
+from rigs.calibrate.quality.covariance import root_of
 from rigs.rig import Rig
 
 _BLOCK = 64  # points at a time; more need more memory
@@ -49,9 +50,7 @@ def predicted_squares(
     (cameras, points) float64
         In squared length units; 0 where not seen.
     """
-    deviation = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    values, vectors = np.linalg.eigh(covariance / np.outer(deviation, deviation))
-    root = deviation[:, None] * vectors * np.sqrt(np.maximum(values, 0.0))  # (P, P)
+    root = root_of(covariance)
     squares = np.zeros(seen.shape)
     for start in range(0, len(points), _BLOCK):
         block = slice(start, start + _BLOCK)

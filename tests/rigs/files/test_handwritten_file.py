@@ -83,6 +83,21 @@ def test_a_missing_file_is_named():
         ),
         ("up: [0, 1, 0]", "up: [0, 0, 1]", "camera left: up: found [0.0, 0.0, 1.0], expected a"),
         ("up: [0, 1, 0]", "R: [1]", "camera left: R[0]: found 1, expected a list"),
+        (
+            "t: [0, 0, 1000]",
+            "t: [0, 0, 1000]\n    accuracy: {shift: -1}",
+            "camera right: accuracy.shift: found -1.0, expected a number of at least 0",
+        ),
+        (
+            "t: [0, 0, 1000]",
+            "t: [0, 0, 1000]\n    accuracy: {roll: .inf}",
+            "camera right: accuracy.roll: found inf, expected a finite number",
+        ),
+        (
+            "t: [0, 0, 1000]",
+            "t: [0, 0, 1000]\n    accuracy: {zoom: 1}",
+            "camera right: accuracy.zoom: unknown field, expected one of shift, roll",
+        ),
         ("name: right", "name: left", "camera left: name: found twice"),
         ("name: right", "name: 7", "cameras[1]: name: found 7, expected text"),
         ("name: right", "label: right", "cameras[1]: label: unknown field"),

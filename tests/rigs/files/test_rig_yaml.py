@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
 from rigs import (
+    Accuracy,
     Camera,
     Distortion,
     Optics,
@@ -38,7 +39,8 @@ def random_rig(seed):
         lens = Distortion(model, tuple(rng.normal(size=count) * 10.0 ** rng.integers(-9, 0)))
         optics = Optics(f_number=2.8, focal_length=rng.uniform(1, 99)) if index % 2 else None
         status = ("calibrated", "nominal", "virtual")[index % 3]
-        cameras.append(Camera(f"cam{index}", (640, 480), K, lens, R, t, optics, status))
+        accuracy = Accuracy(shift=rng.uniform(), direction=1e-7) if index % 4 > 1 else None
+        cameras.append(Camera(f"cam{index}", (640, 480), K, lens, R, t, optics, status, accuracy))
     calibration = {"date": "2024-05-01", "ray_miss": {"rms": 0.1 + 0.2}, "list": [1, [2.5], "no"]}
     volume = Volume((3, 4, 5), rng.uniform(0.1, 1, 3), rng.normal(size=3))
     return Rig(tuple(cameras), "mm", "y up: 'x' µm # no comment", volume, calibration)

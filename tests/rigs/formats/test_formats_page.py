@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigs import Camera, Distortion, Optics, RayTable, Rig, formats, look_at
+from rigs import Accuracy, Camera, Distortion, Optics, RayTable, Rig, formats, look_at
 from rigs.formats import FORMATS
 from rigs.rig import Volume
 
@@ -87,6 +87,7 @@ FEATURES = {
     "volume": (replace(PLAIN, volume=Volume((3, 4, 5), 0.5)), same("volume")),
     "optics": (ring(optics=Optics(25, 8, 300, 0.0074)), same_of_cameras("optics")),
     "status": (ring(status="nominal"), same_of_cameras("status")),
+    "accuracy": (ring(accuracy=Accuracy(shift=0.1)), same_of_cameras("accuracy")),
     "calibration figures": (replace(PLAIN, calibration={"ray_miss": 0.1}), same("calibration")),
 }
 PATHS = {"emission_rig": "rig.yaml", "colmap": "model", "transforms": "transforms.json",

@@ -8,7 +8,7 @@ import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rigs import load_rig
+from rigs import Accuracy, load_rig, save_rig
 from rigs.ray_table.ray_file import load_ray_table
 
 
@@ -27,6 +27,15 @@ def test_origins_and_directions_are_enough(tmp_path):
     rig = load_rig(write(tmp_path, {"ray_table": "rays.npz"}, **GOOD))
     assert rig["a"].image_size == (5, 4)
     assert rig["a"].status == "nominal"
+    assert rig["a"].accuracy is None
+
+
+def test_accuracy_stands_beside_the_table(tmp_path):
+    entry = {"ray_table": "rays.npz", "accuracy": {"shift": 0.3, "direction": 0.01}}
+    rig = load_rig(write(tmp_path, entry, **GOOD))
+    assert rig["a"].accuracy == Accuracy(shift=0.3, direction=0.01)
+    save_rig(rig, tmp_path / "again.yaml")
+    assert load_rig(tmp_path / "again.yaml") == rig
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,12 @@ import numba
 import numpy as np
 import pytest
 
+from phantoms import GaussianBlobs
 from tomo.inference.infer import infer
+from tomo.inference.solve import first_fit, first_fits, next_fit
+from tomo.inference.steps import Steps
 from tomo.model import Absorbing, Background, Blur, FallOff, Gain, Pose
+from tomo.simulation import simulate_images
 
 OWN = (Gain(), Background(), Blur(), Pose())
 ALL = (*OWN, FallOff(), Absorbing(own=False), Absorbing(own=True))
@@ -25,7 +29,23 @@ def shifted(observed):
 
 @pytest.fixture(scope="module")
 def found(shifted):
-    return infer(shifted, OWN)
+    return infer([shifted], OWN)
+
+
+@pytest.fixture(scope="module")
+def film(observed):
+    """Return three moments of a flame that rises, each with noise of its own."""
+    seen, _ = observed
+    blobs = np.array([[1.0, -1.0, -0.6], [-1.5, 2.0, 1.6], [0.6, -3.0, 1.2]])
+    frames = []
+    for number in range(3):
+        middles = blobs + number * np.array([[0.7, 0.9, -0.5], [0.6, 0.8, -0.9], [-0.8, 1.0, 0.4]])
+        field = GaussianBlobs(middles, [1.3, 1.2, 0.9], [1.0, 0.8, 0.9])
+        made = simulate_images(
+            seen.rig, field, seen.grid, supersample=2, refine=3, noise=0.005, seed=number
+        )
+        frames.append(replace(seen, images=tuple(made.images.values())))
+    return frames
 
 
 def named(found):
@@ -36,16 +56,16 @@ def named(found):
 
 def test_nothing_is_found_of_exact_cameras(observed):
     observation, _ = observed
-    found = infer(observation, ALL)
+    found = infer([observation], ALL)
     assert named(found) == {}
-    assert not found.has_outside
+    assert not found.state.has_outside
     assert not found.state.hidden.any()
     assert max(one.max() for one in found.scores.values()) < 1
 
 
 def test_one_camera_is_found_and_no_other_named(found):
     assert named(found) == {"pose": [WRONG]}
-    assert not found.has_outside
+    assert not found.state.has_outside
     assert not found.state.hidden.any()
     np.testing.assert_allclose(found.state.values["pose"][WRONG, :2], -np.array(SHIFT), atol=0.15)
     assert found.scores["pose"].argmax() == WRONG
@@ -59,26 +79,26 @@ def with_gain(observation, gain):
 
 
 def test_a_gain_is_found(observed):
-    found = infer(with_gain(observed[0], 0.85), ALL)
+    found = infer([with_gain(observed[0], 0.85)], ALL)
     assert named(found) == {"gain": [WRONG]}
     assert found.state.values["gain"][WRONG, 0] == pytest.approx(np.log(0.85), abs=0.02)
 
 
 def test_a_bright_camera_is_no_fall_off_of_all(observed):
-    assert named(infer(with_gain(observed[0], 1.2), ALL)) == {"gain": [WRONG]}
+    assert named(infer([with_gain(observed[0], 1.2)], ALL)) == {"gain": [WRONG]}
 
 
 def test_a_shifted_camera_is_no_fall_off_of_all(shifted):
-    assert named(infer(shifted, ALL)) == {"pose": [WRONG]}
+    assert named(infer([shifted], ALL)) == {"pose": [WRONG]}
 
 
 def test_the_bits_are_those_of_one_thread(shifted, found, on_threads):
     threads = numba.get_num_threads()
     with on_threads(1 if threads > 1 else 2):
-        other = infer(shifted, OWN)
+        other = infer([shifted], OWN)
     for name, values in found.state.values.items():
         np.testing.assert_array_equal(other.state.values[name], values)
-    np.testing.assert_array_equal(other.state.fit.unknowns, found.state.fit.unknowns)
+    np.testing.assert_array_equal(other.state.fits[0].unknowns, found.state.fits[0].unknowns)
 
 
 def test_the_order_of_cameras_does_not_matter(shifted, found):
@@ -88,10 +108,71 @@ def test_the_order_of_cameras_does_not_matter(shifted, found):
         for name in ("images", "masks", "noise")
     }
     cameras = tuple(shifted.rig[k] for k in order)
-    other = infer(replace(shifted, rig=replace(shifted.rig, cameras=cameras), **parts), OWN)
+    other = infer([replace(shifted, rig=replace(shifted.rig, cameras=cameras), **parts)], OWN)
     for effect in OWN:  # single precision sums in another order, and the steps go on from there
         before, after = (one.state.values[effect.name] for one in (found, other))
         close = 0.02 * effect.deviation(shifted).max()
         np.testing.assert_allclose(after, before[order], atol=close)
-    volume = found.state.fit.means
-    np.testing.assert_allclose(other.state.fit.means, volume, atol=5e-3 * volume.max())
+    volume = found.state.fits[0].means
+    np.testing.assert_allclose(other.state.fits[0].means, volume, atol=5e-3 * volume.max())
+
+
+def beside(frames, shift):
+    """Return frames with the same camera beside its place in all of them."""
+    cameras = list(frames[0].rig)
+    cameras[WRONG] = cameras[WRONG].shifted(*shift)
+    rig = replace(frames[0].rig, cameras=tuple(cameras))
+    return [replace(one, rig=rig) for one in frames]
+
+
+def test_frames_of_a_film_share_what_is_found_and_nothing_else(film):
+    found = infer(beside(film, SHIFT), OWN)
+    assert named(found) == {"pose": [WRONG]}
+    np.testing.assert_allclose(found.state.values["pose"][WRONG, :2], -np.array(SHIFT), atol=0.1)
+    for one, given in zip(found.state.fits, film, strict=True):
+        assert one.observation.rig == found.state.fits[0].observation.rig
+        alone = next_fit(first_fit(given)).means
+        assert np.linalg.norm(one.means - alone) < 0.15 * np.linalg.norm(alone)
+
+
+def test_nothing_is_found_of_exact_cameras_in_a_film(film):
+    found = infer(film, ALL)
+    assert named(found) == {}
+    assert not found.state.has_outside
+    assert not found.state.hidden.any()
+
+
+def test_frames_together_tell_more_than_one(film):
+    """Steps from exact cameras: the mean of three frames' is less wrong than one frame's."""
+    none = {e.name: np.zeros((6, len(e.parameters))) for e in OWN}
+    fits = first_fits(film)
+
+    def wrong(of):
+        return np.square(Steps(of, OWN, none).own["pose"][:, :2]).mean()
+
+    assert wrong(fits) < 0.7 * np.mean([wrong([one]) for one in fits])
+
+
+def test_a_frame_without_light_changes_nothing(film):
+    seen = replace(film[1], light=film[1].brightest)
+    dark = replace(seen, images=tuple(0 * image for image in seen.images))
+    one, both = (infer(beside(frames, SHIFT), OWN) for frames in ([seen], [seen, dark]))
+    for name, values in one.state.values.items():
+        np.testing.assert_allclose(both.state.values[name], values, atol=0.02)
+
+
+def test_what_hides_the_flame_in_most_frames_is_left_out(film):
+    box, frames = (slice(12, 30), slice(8, 20)), []
+    for one in film:
+        images = [image.copy() for image in one.images]
+        images[WRONG][box] *= 0.2
+        frames.append(replace(one, images=tuple(images)))
+    found = infer(frames, OWN)
+    assert found.state.hidden.tolist() == [view == WRONG for view in range(6)]
+    bright = np.median([one.images[WRONG] for one in film], axis=0) > 0.2 * film[0].brightest
+    behind = np.zeros_like(bright)
+    behind[box] = True
+    for fit in found.state.fits:
+        kept = fit.system.images(fit.usable.astype(np.float32))[WRONG] > 0
+        assert kept[bright & behind].mean() < 0.3
+        assert kept[~behind].mean() > 0.9

@@ -4,17 +4,18 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
-from tomo.inference.joint import Joint, Unknowns
+from tomo.inference.joint import FrameProblem, Joint, Unknowns
 from tomo.priors import RelativeCurvature
 
-VIEWS, VOXELS, AROUND, OWN, SHARED = 3, 24, 5, 2, 1
+FRAMES, VIEWS, VOXELS, AROUND, OWN, SHARED = 2, 3, 24, 5, 2, 1
 PTR = np.array([0, 30, 50, 90])
 
 
 def random_unknowns(random, joint):
+    one = joint.frames[0]
     return Unknowns(
-        random.normal(size=joint.operator.shape[1]),
-        random.normal(size=joint.outside.shape[1]),
+        random.normal(size=(FRAMES, one.operator.shape[1])),
+        random.normal(size=(FRAMES, one.outside.shape[1])),
         random.normal(size=(OWN, VIEWS)),
         random.normal(size=SHARED),
     )
@@ -27,51 +28,58 @@ def random():
 
 @pytest.fixture
 def joint(random, projector_of):
+    """Return two frames, each with its weights, prior and columns, that share their operators."""
     pixels = PTR[-1]
     sparse = random.random((pixels, VOXELS)) * (random.random((pixels, VOXELS)) < 0.4)
-    A = projector_of(sparse, PTR)
-    return Joint(
-        A,
-        random.uniform(0.5, 2, pixels),
-        RelativeCurvature(A.active, random.uniform(0.5, 1, VOXELS).astype(np.float32)),
-        0.05,
-        random.normal(size=(OWN, pixels)),
-        random.normal(size=(SHARED, pixels)),
-        (random.normal(size=(OWN, VIEWS)), random.normal(size=SHARED)),
-        projector_of(random.random((pixels, AROUND)), PTR),
-        0.3,
-    )
+    A, B = projector_of(sparse, PTR), projector_of(random.random((pixels, AROUND)), PTR)
+    frames = [
+        FrameProblem(
+            A,
+            random.uniform(0.5, 2, pixels),
+            RelativeCurvature(A.active, random.uniform(0.5, 1, VOXELS).astype(np.float32)),
+            strength,
+            random.normal(size=(OWN, pixels)),
+            random.normal(size=(SHARED, pixels)),
+            B,
+            0.3,
+        )
+        for strength in (0.05, 0.2)
+    ]
+    return Joint(frames, (random.normal(size=(OWN, VIEWS)), random.normal(size=SHARED)))
 
 
 def test_the_adjoint_is_that_of_the_prediction(joint, random):
-    z, pixels = random_unknowns(random, joint), random.normal(size=PTR[-1])
+    z, pixels = random_unknowns(random, joint), random.normal(size=(FRAMES, PTR[-1]))
     forward, adjoint = joint.forward(z), joint.adjoint(pixels)
     scale = np.linalg.norm(forward) * np.linalg.norm(pixels)
-    assert abs(forward @ pixels - z.dot(adjoint)) < 1e-6 * scale
+    assert abs(np.vdot(forward, pixels) - z.dot(adjoint)) < 1e-6 * scale
 
 
 def stacked(joint, b):
     """Return the whole problem as a dense matrix and a right side, built entry by entry."""
-    n, m = joint.operator.shape[1], joint.outside.shape[1]
+    n, m = (FRAMES * one.shape[1] for one in (joint.frames[0].operator, joint.frames[0].outside))
     size = n + m + OWN * VIEWS + SHARED
 
     def of(vector):
         x, o, own, shared = np.split(vector, np.cumsum([n, m, OWN * VIEWS]))
-        return Unknowns(x, o, own.reshape(OWN, VIEWS), shared)
+        both = (each.reshape(FRAMES, -1) for each in (x, o))
+        return Unknowns(*both, own.reshape(OWN, VIEWS), shared)
 
     def rows(z):
-        parameters = np.r_[z.own.ravel(), z.shared]
-        return np.r_[
-            np.sqrt(joint.weights) * joint.forward(z),
-            np.sqrt(joint.strength) * joint.prior.forward(z.voxels.astype(np.float32)),
-            np.sqrt(joint.outside_strength) * z.outside,
-            parameters,
-        ]
+        found = []
+        for one, image, x, o in zip(
+            joint.frames, joint.forward(z), z.voxels, z.outside, strict=True
+        ):
+            found.append(np.sqrt(one.weights) * image)
+            found.append(np.sqrt(one.strength) * one.prior.forward(x.astype(np.float32)))
+            found.append(np.sqrt(one.outside_strength) * o)
+        return np.concatenate([*found, z.own.ravel(), z.shared])
 
     matrix = np.stack([rows(of(e)) for e in np.eye(size)], axis=1)
     departure = np.r_[joint.departure[0].ravel(), joint.departure[1]]
-    right = np.zeros(len(matrix))
-    right[: len(b)] = np.sqrt(joint.weights) * b
+    right, each = np.zeros(len(matrix)), (len(matrix) - len(departure)) // FRAMES
+    for number, (one, own) in enumerate(zip(joint.frames, b, strict=True)):
+        right[number * each : number * each + len(own)] = np.sqrt(one.weights) * own
     right[-len(departure) :] = -departure
     least = np.r_[np.zeros(n + m), np.full(len(departure), -np.inf)]
     return matrix, right, least, of
@@ -80,7 +88,7 @@ def stacked(joint, b):
 def test_the_solution_is_that_of_the_stacked_problem(joint, random):
     truth = random_unknowns(random, joint)
     b = joint.forward(truth._replace(voxels=np.maximum(truth.voxels, 0)))
-    b = b + 0.5 * random.normal(size=len(b))
+    b = b + 0.5 * random.normal(size=b.shape)
     matrix, right, least, of = stacked(joint, b)
     expected = of(lsq_linear(matrix, right, (least, np.inf), tol=1e-12).x)
     start = Unknowns(*(np.zeros_like(one) for one in truth))

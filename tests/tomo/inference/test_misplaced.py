@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tomo.inference.fit import first_fit
 from tomo.inference.misplaced import TURNS, Misplaced, find_misplaced
+from tomo.inference.solve import first_fit
 from tomo.inference.steps import distrust
 
 
 def found_in(observation, images):
     seen = replace(observation, images=tuple(images))
-    return find_misplaced(seen, distrust(first_fit(seen)))
+    return find_misplaced(seen, distrust([first_fit(seen)]))
 
 
 def test_nothing_is_misplaced_in_exact_images(observed):

@@ -30,7 +30,7 @@ CASES = [(effect, k) for effect in EFFECTS for k in range(len(effect.parameters)
 
 def predicted(observation, volume):
     """Return what a volume shows, traced anew: the equations and the pixels."""
-    system = equations_of(observation, None, volume)
+    system = equations_of([observation], None, [volume])[0]
     projector = system.projector
     pixels = projector @ projector.active.compress(volume)
     return system, np.asarray(pixels, np.float64)

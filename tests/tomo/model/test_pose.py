@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import rigs
-from tomo.model.pose import moved
+from tomo.model.pose import Pose, moved
 
 SIZE, PIXEL = (36, 48), 0.6
 CAMERA = rigs.ring(
@@ -56,3 +56,13 @@ def test_a_table_of_rays_is_moved_as_its_camera():
         moved(CAMERA, motion, MIDDLE).project(POINTS)[0],
         atol=1e-3,
     )
+
+
+def test_by_its_prior_a_camera_stands_off_by_as_much_as_it_looks_off(observed):
+    seen, _ = observed
+    for camera, own, pixel in zip(
+        seen.rig, Pose(2.0).deviation(seen), seen.rig.footprint(), strict=True
+    ):
+        walk = np.array([0, 0, 0, 0, own[4], 0])
+        step = np.linalg.norm(moved(camera, walk, MIDDLE).position - camera.position)
+        np.testing.assert_allclose(step, own[0] * pixel, rtol=1e-3)

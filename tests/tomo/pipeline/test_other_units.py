@@ -14,7 +14,7 @@ import phantoms
 import rigs
 from tomo import LinearSystem, VoxelGrid, load_scan
 from tomo.hull import carve
-from tomo.inference.fit import first_fit
+from tomo.inference.solve import first_fit
 from tomo.inference.steps import Null, Steps
 from tomo.measurement import estimate_noise
 from tomo.model import Absorbing, Background, Gain, Observation, Pose
@@ -116,9 +116,9 @@ def steps_in():
         noise = tuple(map(estimate_noise, images, masks))
         seen = Observation(rig, images, masks, noise, one.scan.grid)
         none = {one.name: np.zeros((6, len(one.parameters))) for one in EFFECTS}
-        steps = Steps(first_fit(seen), EFFECTS, none)
+        steps = Steps([first_fit(seen)], EFFECTS, none)
         null = Null(steps, None)
-        found = {"volume": steps.fit.means.astype(np.float64) / one.emission}
+        found = {"volume": steps.fits[0].means.astype(np.float64) / one.emission}
         for effect in EFFECTS:
             unit = one.intensities if effect.name == "background" else 1
             if effect.shared:

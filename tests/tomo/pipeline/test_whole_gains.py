@@ -58,10 +58,10 @@ def stages_and_result(scan, choose_quickly):
 def test_they_are_all_that_was_applied(stages_and_result):
     stages, result = stages_and_result
     columns = [np.array(list(result.gains[key].values())) for key in ("gain", "offset")]
-    whole, built = Gains(*columns, np.zeros(10), np.zeros(10)), stages.build
+    whole, built = Gains(*columns, np.zeros(10), np.zeros(10)), stages.ready.built
     system = built.system
     recorded = system.flatten(stages.load.images)
-    used = system.flatten([mask.astype(np.float32) for mask in stages.screen.masks]) > 0
+    used = system.flatten([mask.astype(np.float32) for mask in stages.ready.screened.masks]) > 0
     corrected = whole.correct(system.projector, recorded)
     np.testing.assert_allclose(corrected[used], built.measured[used], atol=1e-5)
 

@@ -12,8 +12,8 @@ from rigs import Distortion, RayTable, load_rig, ring
 from tomo import VoxelGrid, load_scan
 from tomo.draw.rig import rig_scene
 from tomo.hull import carve
-from tomo.inference.fit import first_fit
 from tomo.inference.infer import infer
+from tomo.inference.solve import first_fit
 from tomo.measurement import estimate_noise
 from tomo.metrics import cosine_distance
 from tomo.model import Observation, Pose
@@ -151,9 +151,9 @@ def test_tables_that_are_off_are_moved_like_cameras(rig, seed):
         wrong = (camera.shifted(*own) for camera, own in zip(right, shifts, strict=True))
         observation = Observation(replace(right, cameras=tuple(wrong)), images, masks, noise, GRID)
         before = first_fit(observation)
-        state = infer(observation, (Pose(),), asked=("pose",), look_outside=False).state
-        assert np.linalg.norm(state.fit.residual) < 0.4 * np.linalg.norm(before.residual)
-        left.append(np.linalg.norm(state.fit.residual))
+        state = infer([observation], (Pose(),), asked=("pose",), look_outside=False).state
+        assert np.linalg.norm(state.fits[0].residual) < 0.4 * np.linalg.norm(before.residual)
+        left.append(np.linalg.norm(state.fits[0].residual))
         seen = Pose().applied(observation, state.values["pose"])
         assert all(type(camera) is type(right[0]) for camera in seen.rig)
     assert np.abs(state.values["pose"][:, 2:4]).max() < 1e-3

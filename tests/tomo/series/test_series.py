@@ -151,10 +151,11 @@ def test_frames_that_absorb_their_own_light_come_out_brighter(film, plan):
 
 @pytest.mark.parametrize("place", [0, 2])
 def test_a_frame_without_light_leaves_the_weights_of_others_as_they_are(plan, place):
-    noisy = (NoiseModel(0.001, 0.2),) * len(plan.noise)
+    noisy = (NoiseModel(0.001, 0.2),) * len(plan.registered.noise)
     built = replace(plan.system.built, weighting={"used": True})
     system = replace(plan.system, built=built)
-    plan = replace(plan, noise=noisy, system=system)
+    registered = replace(plan.registered, noise=noisy)
+    plan = replace(plan, registered=registered, system=system)
     read = reader_of(plan.scan, plan.screened)
     bright = [read(number) for number in range(2)]
     dark = replace(bright[0], images=[np.zeros_like(image) for image in bright[0].images])

@@ -73,7 +73,7 @@ def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
     few = replace(scan.rig, cameras=cameras[:5])
     noise = tuple(map(estimate_noise, images[:5], masks[:5]))
     one = Observation(few, tuple(images[:5]), tuple(masks[:5]), noise, scan.grid)
-    found = infer(one, (Gain(), Pose(), Absorbing(own=False)), asked=("gain", "pose", "medium"))
+    found = infer([one], (Gain(), Pose(), Absorbing(own=False)), asked=("gain", "pose", "medium"))
     for name, values in found.state.values.items():
         yield name, values
 

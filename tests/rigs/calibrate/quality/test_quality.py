@@ -1,9 +1,11 @@
 """A calibration's figures of its own accuracy against the truth."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
 from rigs import Rig, Volume, nearest_point, ray_miss
@@ -17,6 +19,7 @@ from rigs.calibrate.adjust.observation_arrays import (
     predicted,
 )
 from rigs.calibrate.adjust.projection import Lens
+from rigs.calibrate.quality.accuracy import camera_accuracies
 from rigs.calibrate.quality.covariance import covariance_of
 from rigs.calibrate.quality.quality import with_scene
 from rigs.calibrate.quality.ray_miss import predicted_squares, views
@@ -102,10 +105,10 @@ def test_points_of_one_view_do_not_count(case):
 # Covariance and predictions
 
 
-def test_predicted_ray_miss_is_the_true_one_on_average(case, judged_volume):
-    """Monte Carlo: the joint adjustment repeated with new noise of the same size."""
-    truth, observations, found = case
-    points = judged_volume(truth, count=3)
+@pytest.fixture(scope="module")
+def repeated(case):
+    """Return a true scene, the joint adjustment repeated with new noise, and its covariance."""
+    truth, observations, _ = case
     order = ordered(observations)
     lenses = [Lens(c.camera_matrix, "brown", np.array(c.distortion.coefficients))
               for c in truth.rig]  # fmt: skip
@@ -125,24 +128,97 @@ def test_predicted_ray_miss_is_the_true_one_on_average(case, judged_volume):
     )
     exact = replace(exact, uv=predicted(scene, exact))
     rng = np.random.default_rng(0)
-    misses, steps = [], []
+    found = []
     for _ in range(12):
         noisy = replace(exact, uv=exact.uv + 0.05 * rng.standard_normal(exact.uv.shape))
-        solution = adjust(scene, noisy, free, tolerance=1e-6)
-        misses.append(ray_miss(truth.rig, with_scene(truth.rig, solution.scene), points))
-        steps.append(solution.scene.lenses[2].matrix[0, 0] - lenses[2].matrix[0, 0])
-    noise, covariance = covariance_of(truth.rig, solution.scene, noisy, free)
-    seen = views(truth.rig, points)
-    expected = np.sqrt(
-        predicted_squares(solution.scene, free, covariance, points, seen).sum() / seen.sum()
+        found.append(adjust(scene, noisy, free, tolerance=1e-6).scene)
+    noise, covariance = covariance_of(truth.rig, found[-1], noisy, free)
+    return SimpleNamespace(
+        observations=noisy, scenes=found, free=free, noise=noise, covariance=covariance
     )
-    assert noise == pytest.approx(0.05, rel=0.05)
+
+
+def test_predicted_ray_miss_is_the_true_one_on_average(case, repeated, judged_volume):
+    truth, _, found = case
+    points, free = judged_volume(truth, count=3), repeated.free
+    misses = [ray_miss(truth.rig, with_scene(truth.rig, one), points) for one in repeated.scenes]
+    seen = views(truth.rig, points)
+    squares = predicted_squares(repeated.scenes[-1], free, repeated.covariance, points, seen)
+    expected = np.sqrt(squares.sum() / seen.sum())
+    assert repeated.noise == pytest.approx(0.05, rel=0.05)
     assert np.sqrt(np.mean(np.square(misses))) == pytest.approx(expected, rel=0.2)
-    deviation = np.sqrt(np.diag(covariance))[free.places[2][6]]
+    deviation = np.sqrt(np.diag(repeated.covariance))[free.places[2][6]]
+    steps = [one.lenses[2].matrix[0, 0] for one in repeated.scenes]
     assert np.std(steps) == pytest.approx(deviation, rel=0.5)
     # The whole way, lens terms chosen, other points: within the factor promised
     miss = ray_miss(truth.rig, found.rig, judged_volume(truth))
     assert miss / 1.5 < found.quality.predicted_ray_miss < miss * 1.5
+
+
+def off(truth, rig, points):
+    """Return shift, roll, magnification and direction of each camera's error, ``(cameras, 4)``.
+
+    After the motion of the whole rig that brings the images of points nearest to the true ones.
+    """
+    middle = points.mean(axis=0)
+
+    def aligned(motion):
+        R = Rotation.from_rotvec(motion[:3]).as_matrix()
+        return rig.transformed(R, middle - R @ middle + motion[3:])
+
+    def apart(motion):
+        pairs = zip(aligned(motion), truth, strict=True)
+        return np.concatenate([a.project(points)[0] - b.project(points)[0] for a, b in pairs])
+
+    best = least_squares(lambda m: apart(m).ravel(), np.zeros(6), x_scale=[1e-3] * 3 + [1] * 3)
+    rows = []
+    for camera, other in zip(aligned(best.x), truth, strict=True):
+        u, v = (one.project(points)[0] @ [1, 1j] for one in (other, camera))  # complex numbers
+        growth = np.polyfit(u - u.mean(), v, 1)[0]
+        sights = [(one.position - middle) / np.linalg.norm(one.position - middle)
+                  for one in (camera, other)]  # fmt: skip
+        turn = np.rad2deg(np.linalg.norm(np.cross(*sights)))
+        shift = abs(np.mean(v - u))
+        rows.append([shift, np.rad2deg(np.angle(growth)), abs(growth) - 1, turn])
+    return np.array(rows) * [np.sqrt(0.5), 1, 1, np.sqrt(0.5)]
+
+
+def test_stated_accuracies_are_the_true_ones_on_average(case, repeated, judged_volume):
+    truth, *_ = case
+    points = judged_volume(truth, count=4)
+    errors = [off(truth.rig, with_scene(truth.rig, one), points) for one in repeated.scenes]
+    true = np.sqrt(np.square(errors).mean(axis=0))
+    seen = views(truth.rig, points)
+    found = camera_accuracies(
+        repeated.scenes[-1], repeated.free, repeated.covariance, points, seen
+    )
+    stated = np.array([list(vars(one).values()) for one in found])
+    mean = np.sqrt(np.square(true).mean(axis=0)), np.sqrt(np.square(stated).mean(axis=0))
+    np.testing.assert_allclose(*mean, rtol=0.25)  # 12 draws of four cameras
+    assert (np.abs(np.log(true / stated)) < np.log(2)).all()
+
+
+def test_accuracies_are_the_same_whichever_camera_is_held(case, repeated, judged_volume):
+    truth, *_ = case
+    points = judged_volume(truth, count=3)
+    seen, scene = views(truth.rig, points), repeated.scenes[0]
+    both = []
+    for held in (0, 2):
+        free = replace(repeated.free, pose=np.arange(4) != held)
+        _, covariance = covariance_of(truth.rig, scene, repeated.observations, free)
+        found = camera_accuracies(scene, free, covariance, points, seen)
+        both.append([list(vars(one).values()) for one in found])
+    np.testing.assert_allclose(*both, rtol=0.01)
+
+
+def test_a_camera_that_sees_too_little_states_no_accuracy(case, repeated, judged_volume):
+    truth, *_ = case
+    points = judged_volume(truth, count=3)
+    seen = views(truth.rig, points)
+    seen[1, 5:] = False
+    found = camera_accuracies(repeated.scenes[0], repeated.free, repeated.covariance, points, seen)
+    assert found[1] is None
+    assert found[0] is not None
 
 
 def test_predictions_by_camera_and_point_add_up(case):

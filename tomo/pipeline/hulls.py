@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.hull import carve
+from tomo.hull import Carving, carve
 from tomo.measurement import NoiseModel
+from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import OFF, Options
-from tomo.series.images import FrameImages
 
 
 @dataclass(frozen=True)
@@ -41,32 +41,16 @@ class HullRule:
 KEEP_ALL = HullRule(math.inf, 1)
 
 
-def rule_of(
-    rig: Rig,
-    frames: Sequence[FrameImages],
-    grid: VoxelGrid,
-    options: Options,
-    noise: Sequence[NoiseModel],
-) -> HullRule | None:
+def rule_of(found: Sequence[Carving], options: Options) -> HullRule:
     """Return the rule that suits all key frames: the largest of their own margins and votes.
 
-    None where pixels that miss the grid are kept too. No voxel is found empty where the views
-    of any of them contradict each other, or all of them are dark.
+    No voxel is found empty where the views of any of them contradict each other, or all of them
+    are dark.
     """
-    if not options.skip:
-        return None
-    if options.carving == OFF:
+    telling = [one for one in found if not one.dark]
+    if options.carving == OFF or not telling or any(one.votes == 0 for one in telling):
         return KEEP_ALL
-    found = []
-    for frame in frames:
-        own = carve(
-            tuple(rig), frame.images, frame.masks, grid, margin=options.carving, noise=noise
-        )
-        if not own.dark:
-            found.append(own)
-    if not found or any(one.votes == 0 for one in found):
-        return KEEP_ALL
-    return HullRule(max(one.margin for one in found), max(one.votes for one in found))
+    return HullRule(max(one.margin for one in telling), max(one.votes for one in telling))
 
 
 def hull_of_frames(

@@ -1,0 +1,128 @@
+"""Scores: how far one step of every effect exceeds what exact cameras make of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+from scipy.stats import t as student
+
+from tomo.grid import ActiveVoxels
+from tomo.inference.state import State
+from tomo.inference.steps import DRAWN, Null, Steps
+from tomo.model.effect import Effect
+from tomo.model.observation import Observation
+
+FALSE_ALARMS = 0.02
+"""Probability that anything is said of a faultless scene."""
+
+NEGLIGIBLE = 0.1
+"""Size of an effect, in standard deviations of its prior, that is never told from voxels."""
+
+OUTSIDE, HIDDEN = "outside", "hidden"
+
+LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002}
+"""The same for light from outside, a fraction of all, and for pixels that nothing explains."""
+
+
+class Scores:
+    """The scores of one scene, with the null that they are compared with and the limits.
+
+    Parameters
+    ----------
+    observation : Observation
+    effects : sequence of Effect
+    active : ActiveVoxels, optional
+    look_outside : bool
+        Whether light may come from around the grid.
+
+    Attributes
+    ----------
+    deviation : mapping of str to (views, parameters)
+        Of each effect's prior.
+    own_limit, shared_limit : float
+        Scores from which effects of single views, and those that views share, are no chance.
+    bias : mapping of str to float
+        The null's mean of effects that views share.
+    spread : mapping of str to (parameters,)
+        The null's spread of those that were compared with it.
+    highest : mapping of str to (views,)
+        The highest scores over their limits so far.
+    """
+
+    def __init__(
+        self,
+        observation: Observation,
+        effects: Sequence[Effect],
+        active: ActiveVoxels | None,
+        look_outside: bool,
+    ) -> None:
+        self.effects, self.active, self.look_outside = effects, active, look_outside
+        self.deviation = {e.name: e.deviation(observation) for e in effects}
+        views = len(observation.rig)
+        own = sum(self.deviation[e.name].size for e in effects if not e.shared)
+        shared = 1 + sum(e.shared for e in effects)
+        self.own_limit = float(student.isf(FALSE_ALARMS / 4 / (own + views), DRAWN * views))
+        self.shared_limit = float(norm.isf(FALSE_ALARMS / 2 / shared))
+        self._null: Null | None = None
+        self.bias: dict[str, float] = {}
+        self.spread: dict[str, NDArray[np.float64]] = {}
+        self.highest: dict[str, NDArray[np.float64]] = {}
+
+    def _null_of(self, steps: Steps) -> Null:
+        """Return the null of the first fits; it is drawn when something may exceed it."""
+        if self._null is None:
+            self._null = Null(steps, self.active)
+        return self._null
+
+    def ratios(self, state: State) -> dict[str, NDArray[np.float64]]:
+        """Return each effect's score over its limit by view, 0 where it is loose already."""
+        steps, views = Steps(state.fits, self.effects, state.values), len(state.hidden)
+        found: dict[str, NDArray[np.float64]] = {}
+        for effect in self.effects:
+            name, least = effect.name, NEGLIGIBLE * self.deviation[effect.name]
+            if state.free[name].all() or (effect.shared and state.has_outside):
+                found[name] = np.zeros(views)  # its null has no light around the grid
+            elif effect.shared:
+                found[name] = np.full(views, self._shared(steps, effect, least[0, 0]))
+            else:
+                size = steps.own[name]
+                size = np.maximum(size, 0) if effect.positive else np.abs(size)
+                spread = np.zeros(least.shape[1])
+                if (size > self.own_limit * least).any():
+                    spread = self.spread[name] = self._null_of(steps).spread(name)
+                score = np.where(state.free[name], 0, size / np.hypot(spread, least))
+                found[name] = score.max(axis=1) / self.own_limit
+        found[OUTSIDE] = np.zeros(views)
+        if self.look_outside and not state.has_outside and not state.is_dark_around:
+            found[OUTSIDE][:] = self._outside(steps)
+        found[HIDDEN] = np.where(state.hidden, 0, self._hidden(steps))
+        if (found[HIDDEN] >= 1).mean() > 0.5:  # what most views show is no hardware before one
+            found[HIDDEN][:] = 0
+        for name, ratio in found.items():
+            self.highest[name] = np.maximum(self.highest.get(name, 0), ratio)
+        return found
+
+    def _shared(self, steps: Steps, effect: Effect, least: float) -> float:
+        """Return the score over its limit of an effect that all views share."""
+        value = steps.shared(effect)
+        if value <= 0:  # the wrong sign is no evidence, whatever the null
+            return 0.0
+        mean, spread = self._null_of(steps).of(lambda one: one.shared(effect))
+        self.bias[effect.name], self.spread[effect.name] = mean, np.array([spread])
+        return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit
+
+    def _outside(self, steps: Steps) -> float:
+        least = LEAST[OUTSIDE]
+        if steps.outside <= self.shared_limit * least:
+            return 0.0
+        mean, spread = self._null_of(steps).of(lambda one: one.outside)
+        return (steps.outside - mean) / float(np.hypot(spread, least)) / self.shared_limit
+
+    def _hidden(self, steps: Steps) -> NDArray[np.float64]:
+        hidden, few = steps.hidden, LEAST[HIDDEN]
+        may = (hidden > self.own_limit * few).any()
+        often = self._null_of(steps).hidden() if may else 0.0
+        return hidden / np.hypot(often, few) / self.own_limit

@@ -1,0 +1,72 @@
+"""How far an inference came: the fits, the effects found so far, and what they cost."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.inference.fit import Fit
+from tomo.inference.solve import Values
+from tomo.model.effect import Effect
+from tomo.model.observation import Observation
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """How far the inference came.
+
+    Attributes
+    ----------
+    fits : tuple of Fit
+        One a frame.
+    values : mapping of str to (views, parameters)
+        Of the effects so far, common to all frames.
+    free : mapping of str to (views, parameters) bool
+        Those that were let loose.
+    hidden : (views,) bool
+        The views of which pixels are left out that nothing explains.
+    is_dark_around : bool
+        Whether backgrounds explain what light from around the grid would.
+    """
+
+    fits: tuple[Fit, ...]
+    values: Values
+    free: Mapping[str, NDArray[np.bool_]]
+    hidden: NDArray[np.bool_]
+    is_dark_around: bool = False
+
+    @property
+    def has_outside(self) -> bool:
+        """Whether voxels around the grid were let loose."""
+        return self.fits[0].around is not None
+
+    @property
+    def scales(self) -> tuple[float, ...]:
+        """The scale of every frame's smoothed residuals."""
+        return tuple(fit.scale for fit in self.fits)
+
+    def loosened(self, name: str, views: NDArray[np.bool_]) -> State:
+        """Return the state with an effect let loose, all usable pixels of its views trusted."""
+        free = {n: f.copy() for n, f in self.free.items()}
+        free[name] |= views[:, None]
+        return replace(self, free=free, fits=tuple(fit.trusting(views) for fit in self.fits))
+
+    def cost(self, scales: Iterable[float], deviations: Values) -> float:
+        """Return the disagreement that is left, and the price of the effects by their priors."""
+        left = sum(fit.disagreement(own) for fit, own in zip(self.fits, scales, strict=True))
+        values = self.values.items()
+        return left + sum(float(np.square(v / deviations[n]).sum()) for n, v in values)
+
+
+def corrected(
+    observations: Sequence[Observation], effects: Sequence[Effect], values: Values
+) -> list[Observation]:
+    """Return the observations without the effects."""
+    found = list(observations)
+    for effect in effects:
+        if values[effect.name].any():
+            found = [effect.applied(one, values[effect.name]) for one in found]
+    return found

@@ -1,0 +1,120 @@
+"""The images of one frame as a screening settled them: corrected, bad pixels left out."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.inference.misplaced import TURNS
+from tomo.measurement import NoiseModel, estimate_noise
+from tomo.model import Observation
+from tomo.pipeline.load import LoadedScan
+from tomo.pipeline.screen import Place, ScreenedScan
+from tomo.scan import Scan
+from tomo.scan.images import Images, Masks
+
+
+@dataclass(frozen=True, eq=False)
+class FrameImages:
+    """The images of one frame.
+
+    Attributes
+    ----------
+    name : str
+        The frame's.
+    images, masks : list of (height, width)
+        Those of the cameras to reconstruct from; 0 where not usable.
+    apart_images, apart_masks : list of (height, width)
+        Those of the cameras that take no part.
+    warnings : tuple of str
+        What reading it found, such as many pixels at full scale.
+    """
+
+    name: str
+    images: Images
+    masks: Masks
+    apart_images: Images
+    apart_masks: Masks
+    warnings: tuple[str, ...] = ()
+
+
+def mean_of_frames(loaded: Sequence[LoadedScan]) -> LoadedScan:
+    """Return the mean of frames as a frame of its own, its pixels usable in all of them.
+
+    A projection is linear: the mean of the images is the image of the mean emission. Noise is
+    lower in it, and what is wrong with pixels in every frame stays. One frame is its own mean.
+    """
+    if len(loaded) == 1:
+        return loaded[0]
+    masks = usable_in_all([one.masks for one in loaded])
+    images = [
+        np.where(mask, np.mean(each, axis=0, dtype=np.float64), 0).astype(np.float32)
+        for mask, each in zip(
+            masks, zip(*(one.images for one in loaded), strict=True), strict=True
+        )
+    ]
+    return LoadedScan(loaded[0].scan, loaded[0].frame, images, masks)
+
+
+def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
+    """Return a frame's images as the screening of some frames settled them.
+
+    Pixels that it found bad are left out, cameras that it excluded take no part, images in the
+    wrong place are put in theirs, and images that it corrected are corrected alike.
+    """
+    rig, images, masks = loaded.scan.rig, list(loaded.images), list(loaded.masks)
+    if screened.pixels is not None:
+        known = zip(masks, screened.pixels.masks, strict=True)
+        masks = [mask & usable for mask, usable in known]
+    for place in screened.places:
+        images, masks = (in_place(each, rig.names, place) for each in (images, masks))
+    if screened.corrections is not None:
+        noise = (NoiseModel(0.0),) * len(rig)
+        grid = screened.corrections.grid
+        frame = Observation(rig, tuple(images), tuple(masks), noise, grid)
+        found = screened.corrections.applied(frame, move=False)
+        images, masks = list(found.images), list(found.masks)
+    everything = dict(zip(rig.names, zip(images, masks, strict=True), strict=True))
+
+    def part(of: Scan | None) -> tuple[Images, Masks]:
+        pairs = [everything[name] for name in of.rig.names] if of else []
+        return [np.where(mask, image, np.float32(0)) for image, mask in pairs], [
+            m for _, m in pairs
+        ]
+
+    used, apart = part(screened.scan), part(screened.apart)
+    said = tuple(line for line in loaded.record.warnings if line not in loaded.scan.notes)
+    return FrameImages(loaded.frame, *used, *apart, said)
+
+
+def in_place(values: Sequence, names: Sequence[str], place: Place) -> list:
+    """Return values, one a camera, with the one that was in the wrong place in its own."""
+    found, view = list(values), names.index(place.camera)
+    if place.turned:
+        found[view] = TURNS[place.turned](found[view]).copy()
+    else:
+        other = names.index(place.other)
+        found[view], found[other] = found[other], found[view]
+    return found
+
+
+def usable_in_all(masks: Sequence[Masks]) -> list[NDArray[np.bool_]]:
+    """Return the pixels that are usable in every frame, one image a camera."""
+    return [np.logical_and.reduce(each) for each in zip(*masks, strict=True)]
+
+
+def noise_of_frames(frames: Sequence[FrameImages]) -> tuple[NoiseModel, ...]:
+    """Return the noise of one frame, for each camera: the median of what frames show."""
+    found = []
+    for images, masks in zip(
+        zip(*(one.images for one in frames), strict=True),
+        zip(*(one.masks for one in frames), strict=True),
+        strict=True,
+    ):
+        own = [estimate_noise(*both) for both in zip(images, masks, strict=True)]
+        read, gain = (float(np.median([getattr(one, n) for one in own])) for n in ("read", "gain"))
+        found.append(NoiseModel(read, gain))
+    return tuple(found)
