@@ -40,8 +40,8 @@ class Pose:
     Parameters
     ----------
     sigma : float
-        Prior standard deviation in pixels of the images as recorded: of shifts, roll and zoom, and of
-        the place where the camera stands, at the middle of the grid. A walk is as much smaller as
+        Prior standard deviation in pixels of the images as recorded: of shifts, roll and zoom, and
+        of the place where the camera stands, at the middle of the grid. A walk is as much smaller as
         that turns the view. It is what mounts do after cameras were measured, whatever the rig
         states of its errors, because any camera may have been knocked; these decide who holds the
         scene, see `without_gauge`.
