@@ -40,9 +40,9 @@ class Pose:
     Parameters
     ----------
     sigma : float
-        Prior standard deviation in pixels of the images as recorded: of shifts, roll and zoom, and
-        of the place where the camera stands, at the middle of the grid. A walk is as much smaller as
-        that turns the view. It is what mounts do after cameras were measured, whatever the rig
+        Prior standard deviation in pixels of the images as recorded: of shifts, roll, zoom and of
+        the place where the camera stands, at the middle of the grid. A walk is smaller by as much
+        as that turns the view. It is what mounts do after cameras were measured, whatever the rig
         states of its errors, because any camera may have been knocked; these decide who holds the
         scene, see `without_gauge`.
     """
