@@ -79,11 +79,6 @@ def test_they_are_the_cameras_own(stages_and_result):
     assert max(gains["gain_error"].values()) < 0.01
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="gains of 3 to 5 % among ten cameras: one stays, 2.6 % off; 0.6 % were reached before "
-    "the inference, by the total light of views",
-)
 def test_reports_have_them_with_their_errors(stages_and_result):
     result = stages_and_result[1]
     report = result.report()
@@ -98,11 +93,6 @@ def test_reports_have_them_with_their_errors(stages_and_result):
     assert finding["size"] == pytest.approx(result.gains["gain"]["cam03"] - 1)
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="gains of 3 to 5 % among ten cameras: one stays, 2.6 % off; 0.6 % were reached before "
-    "the inference, by the total light of views",
-)
 def test_a_method_asked_for_by_name_has_the_same_and_none_where_they_are_refused(
     scan, stages_and_result
 ):
