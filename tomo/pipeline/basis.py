@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from tomo.operators import LINEAR, STORED, VOXEL, LinearSystem
-from tomo.pipeline.methods import AUTO, Method
+from tomo.pipeline.methods import AUTO
 
 MOST_WORK = 5
 """Largest work of the linear basis over that of the voxel basis at which it is taken. Footprints
@@ -57,7 +57,7 @@ def in_basis(
     supersample : int
         Rays along each side of a pixel.
     against : str
-        Why ``auto`` keeps the voxel basis, see `reason_of_method`; empty where it need not.
+        Why the method keeps the voxel basis; empty where it need not.
     variances : sequence of float, optional
         Of the blur of each camera's image, which the linear basis alone can have.
     """
@@ -88,18 +88,6 @@ def linear_where_possible(
     except ValueError as error:  # too large, or a camera beside which the grid's centre lies
         return system, Basis(VOXEL, str(error))
     return linear, Basis(LINEAR, "light has no edges of voxels")
-
-
-def reason_of_method(method: Method, *, freeze_encoder: bool) -> str:
-    """Return why a method rules the linear basis out; empty where it does not.
-
-    ``freeze_encoder`` tells whether an encoder is used as it is.
-    """
-    if not method.through_lenses:
-        return f"{method.name} goes ray by ray"
-    if method.needs_midpoints and not freeze_encoder:
-        return "weights are learned in the voxel basis"
-    return ""
 
 
 def _reason_of_system(system: LinearSystem, supersample: int) -> str:

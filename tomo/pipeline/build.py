@@ -13,10 +13,10 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
 from tomo.operators import TRANSPARENT, Absorption, LinearSystem
-from tomo.pipeline.basis import Basis, in_basis, reason_of_method
+from tomo.pipeline.basis import Basis, in_basis
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.infer import given_absorption
-from tomo.pipeline.methods import AUTO, Method
+from tomo.pipeline.methods import Method
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
@@ -61,7 +61,7 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
     """Choose the unknowns and weigh the pixels, of images as given, through gas that is known."""
     methods = methods_of(options)
     with timed() as stage:
-        against = reason_of_method(methods[0], freeze_encoder=options.freeze_encoder)
+        against = "" if methods[0].through_lenses else f"{methods[0].name} goes ray by ray"
         found = screened.corrections
         system, basis = in_basis(
             traced.system, options.basis, options.supersample, against, found and found.blur
@@ -96,7 +96,7 @@ def _weighted(
     """Return the weights of the pixels, ``(pixels,)``, None for equal ones, and the reason."""
     if not options.pixel_weights:
         return None, {"used": False, "reason": "not asked for"}
-    if not any(one.name == AUTO or one.starts_from_default for one in methods):
+    if not any(one.starts_from_default for one in methods):
         return None, {"used": False, "reason": "for the default method, and what starts from it"}
     rig, grid = screened.scan.rig, system.projector.grid
     found = weigh_images(rig, grid, screened.images, screened.masks, screened.noise)

@@ -28,10 +28,8 @@ from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.trace import blind_warnings, through_gas
 from tomo.pipeline.view import View, quality
-from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
-from tomo.simulation.true_weights import TrueEffects, true_effects, true_ratios
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
@@ -40,18 +38,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The facts of a simulated scan that a reconstruction is compared with.
+    """The truth of a simulated scan that a reconstruction is compared with.
 
     Attributes
     ----------
     truth : (nx, ny, nz) float32, optional
-    effects : optional
-        The effects that the images were simulated with.
     record : Record
     """
 
     truth: NDArray[np.float32] | None
-    effects: TrueEffects | None
     record: Record = Record()
 
     @property
@@ -92,10 +87,9 @@ class Evaluated:
 
 
 def read_reference(scan: Scan, grid: VoxelGrid, frame: str | None = None) -> Reference:
-    """Read the scan's effects and a frame's truth; a truth on another grid is a warning."""
+    """Read a frame's truth; one on another grid is a warning."""
     with timed() as stage:
-        effects, truth = true_effects(scan), None
-        known = scan.read_truth(frame)
+        truth, known = None, scan.read_truth(frame)
         if known is not None:
             data, truth_grid = known
             apart = np.abs([truth_grid.lower - grid.lower, truth_grid.upper - grid.upper]).max()
@@ -107,7 +101,7 @@ def read_reference(scan: Scan, grid: VoxelGrid, frame: str | None = None) -> Ref
                     f"{name}: the truth is on another grid: no quality figures. Reconstruct on "
                     "its grid (--grid, --spacing, --center) to compare"
                 )
-    return Reference(truth, effects, stage.record)
+    return Reference(truth, stage.record)
 
 
 def trace_apart(
@@ -161,14 +155,7 @@ def evaluate(
             views += views_of(system.on_voxel_means, found.volume, screened.images, screened.masks)
             views += _views_apart(apart, solved, screened, options)
             if found.weights is not None:
-                applied = screened.gains
-                comparable = rays_of_pixel(**options.rays) == 1
-                ratios = (
-                    true_ratios(built.system, reference.effects, reference.truth, applied)
-                    if comparable
-                    else None
-                )
-                learned = _summary(built.system, system, found, ratios)
+                learned = _summary(built.system, system, found)
             for number, other in enumerate(compared.solutions if options.hold_out else ()):
                 seen = _views_apart(apart, replace(solved, solution=other), screened, options)
                 alike[number] = {v.name: v.similarity(spread) for v in seen if v.held_out}
@@ -253,7 +240,7 @@ def _views_apart(
     if apart is None:
         return []
     system = system_apart(apart, solved.built, solved.solution.volume, options)
-    system = with_learned_weights(system, solved.solution, same_views=False)
+    system = with_learned_weights(system, solved.solution)
     found = views_of(
         system.on_voxel_means,
         solved.solution.volume,
@@ -270,13 +257,8 @@ def _views_apart(
     ]
 
 
-def _summary(
-    system: LinearSystem,
-    learned: LinearSystem,
-    found: Solution,
-    ratios: NDArray[np.float64] | None,
-) -> LearnedWeights:
-    """Return the learned weights over the segment lengths, beside the true ratios."""
+def _summary(system: LinearSystem, learned: LinearSystem, found: Solution) -> LearnedWeights:
+    """Return the learned weights over the segment lengths."""
     from tomo.wernet.default import LearnedWeights
 
     return LearnedWeights.of(
@@ -284,7 +266,5 @@ def _summary(
         system.projector,
         learned.projector,
         found.volume,
-        system.rig.names,
-        held_out_residual=found.settings.get("held_out_residual"),
-        truth=ratios,
+        found.settings["held_out_residual"],
     )

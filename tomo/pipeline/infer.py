@@ -32,7 +32,7 @@ from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy, factor_of
 from tomo.pipeline.findings import findings_of
 from tomo.pipeline.frames import images_of, noise_of_frames
 from tomo.pipeline.load import LoadedScan
-from tomo.pipeline.methods import AUTO, method_named
+from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, as_warning, timed
@@ -52,7 +52,7 @@ def given_absorption(scan: Scan, options: Options) -> Absorption:
 def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect, ...]:
     """Return the effects that options let loose, for pixels ``factor`` times as wide."""
     found: list[Effect] = []
-    default = method_named(options.method).name == AUTO
+    default = method_named(options.method).starts_from_default
     if options.fit_gain or (options.screen and options.fit_gain is None):
         found += [Gain(UNKNOWN_GAIN) if options.fit_gain else Gain(), Background()]
     if options.screen and default:

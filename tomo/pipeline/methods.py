@@ -38,8 +38,8 @@ class Method:
 
     @property
     def starts_from_default(self) -> bool:
-        """Whether it starts from what ``auto`` comes to."""
-        return self.name == "wernet"
+        """Whether images are corrected and weighted, and volumes solved for, as by ``auto``."""
+        return self.name in (AUTO, "wernet")
 
     @property
     def solver(self) -> Callable[..., Solution]:

@@ -12,10 +12,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.operators import LINEAR, VOXEL, LinearSystem
+from tomo.operators import LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
-from tomo.pipeline.basis import BLOCK, linear_where_possible
+from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
@@ -23,7 +23,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.smooth_solve import smooth_start
-from tomo.solvers import Iteration, Solution
+from tomo.solvers import Solution
 from tomo.uncertainty import Solve
 
 Watch = Callable[[NDArray[np.float32]], float]
@@ -40,7 +40,7 @@ class Solved:
     solution : Solution
         Its volume holds the voxels' means.
     built : WeightedSystem
-        By segment lengths, in the basis of the last solve.
+        By segment lengths.
     record : Record
     """
 
@@ -51,7 +51,7 @@ class Solved:
     @cached_property
     def system(self) -> LinearSystem:
         """The equations with the learned weights, where there are any."""
-        return with_learned_weights(self.built.system, self.solution, same_views=True)
+        return with_learned_weights(self.built.system, self.solution)
 
 
 def solve(
@@ -61,13 +61,10 @@ def solve(
     watch: Watch | None = None,
     progress: Progress | None = None,
 ) -> Solved:
-    """Solve the equations by the method of the options; refit what was learned by voxels."""
+    """Solve the equations by the method of the options."""
     with timed() as stage:
         method = method_named(options.method)
         found = solve_by(method, options.iterations, built, options, watch, progress)
-        refitted = _refit(built, found, options, watch, progress)
-        if refitted is not None:
-            built, found = refitted
         if options.save_encoder is not None:
             stage.warnings += _save_encoder(found, options.save_encoder)
     return Solved(found, built, stage.record)
@@ -164,21 +161,23 @@ def solve_by(
 
 
 def choice_of(solved: Solved) -> Choice:
-    """Return how the default solved, to solve the same way again."""
-    found = solved.solution
-    width, strength = found.settings["smooth_width"], found.settings["strength"]
-    return Choice(width, strength, found.history[-1].index, math.nan)
+    """Return how the default solved, with learned weights too, to solve the same way again."""
+    how, iterations = solved.solution.settings, solved.solution.history[-1].index
+    if "solved_by" in how:  # after weights were learned
+        how = how["solved_by"]
+        iterations = how["iterations"]
+    return Choice(how["smooth_width"], how["strength"], iterations, math.nan)
 
 
 def repeatable(solved: Solved, options: Options) -> Solve | None:
-    """Return the solve with as many iterations, for other images; None if the method learns.
+    """Return the solve with as many iterations, for other images; None if it has no operator.
 
     From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
     of the projector ``on_voxel_means``, ``(unknowns,)``. The default starts from where the found
     volume started: what it makes of the pixels comes after.
     """
     method, found = method_named(options.method), solved.solution
-    if method.needs_midpoints:
+    if method.needs_midpoints and not method.starts_from_default:
         return None
     projector, weights = solved.system.projector, solved.built.weights
     iterations = found.history[-1].index
@@ -188,7 +187,7 @@ def repeatable(solved: Solved, options: Options) -> Solve | None:
         return smooth_start(projector, solved.built.measured)
 
     def again(measured: NDArray[np.float32]) -> NDArray[np.float32]:
-        if method.name == AUTO:
+        if method.starts_from_default:
             how = {"weights": weights, "start": start_of_all()}
             repeated = solve_as_chosen(projector, measured, choice_of(solved), **how)
         else:
@@ -200,14 +199,11 @@ def repeatable(solved: Solved, options: Options) -> Solve | None:
     return again
 
 
-def with_learned_weights(
-    system: LinearSystem, found: Solution, *, same_views: bool
-) -> LinearSystem:
+def with_learned_weights(system: LinearSystem, found: Solution) -> LinearSystem:
     """Return the system with the weights that a solution learned, where there are any."""
     if found.weights is None:
         return system
-    learned = found.weights.projector(system.projector, same_views=same_views)
-    return replace(system, projector=learned)
+    return replace(system, projector=found.weights.projector(system.projector))
 
 
 def voxel_means_of(
@@ -240,53 +236,6 @@ def _arguments(
         learning["weights"] = built.weights
         learning["pixel_blocks"] = built.system.blocks(BLOCK)
     return method.arguments(**learning, seed=options.seed, iterations=iterations)
-
-
-def _refit(
-    built: WeightedSystem,
-    found: Solution,
-    options: Options,
-    watch: Watch | None,
-    progress: Progress | None,
-) -> tuple[WeightedSystem, Solution] | None:
-    """Return equations and solution in the linear basis, where weights were learned in another.
-
-    With many views weights are learned in the voxel basis. The light that a segment loses on its
-    way is the same in either basis: the weights hold for the linear one too. Where nothing was
-    learned, segment lengths do. The choice, and the solve, are those of the default method. None:
-    the solution stays, also where the basis was asked for.
-    """
-    if options.basis != AUTO or built.basis.name != VOXEL or "learned" not in found.settings:
-        return None
-    learned = with_learned_weights(built.system, found, same_views=True)
-    better, basis = linear_where_possible(learned, options.supersample)
-    if basis.name != LINEAR:
-        return None
-    by_learned = replace(built, system=better, basis=basis, choice=None)
-    last = solve_by(method_named(AUTO), None, by_learned, options, watch, progress)
-    if found.weights is not None:  # views that took no part are seen by segment lengths
-        lengths = built.system.projector.segments.length
-        better = replace(better, projector=better.projector.with_lengths(lengths))
-    return replace(by_learned, system=better), _followed_by(found, last)
-
-
-def _followed_by(learned: Solution, last: Solution) -> Solution:
-    """Return what was learned with the volume of the solve that came after it."""
-    seconds = {name: taken + last.seconds[name] for name, taken in learned.seconds.items()}
-    end = Iteration(
-        learned.history[-1].index + 1,
-        last.relative_residual,
-        seconds["total"],
-        last.history[-1].distance,
-    )
-    return replace(
-        learned,
-        volume=last.volume,
-        history=(*learned.history, end),
-        settings={**learned.settings, "solved_by": dict(last.settings)},
-        stop_reason=f"{learned.stop_reason}; in the linear basis: {last.stop_reason}",
-        seconds=seconds,
-    )
 
 
 def _save_encoder(found: Solution, path: str) -> list[str]:

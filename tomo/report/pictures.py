@@ -131,17 +131,11 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             "learned",
             lambda: draw_learned(learned, unit),
             "Learned weights over segment lengths: means over the emission (grey: where it is) by "
-            "depth in the grid as seen from the camera, upstream emission, position in the image "
-            "and in the voxel along each axis, and camera; and the relative residual of views "
-            "left out, by segment lengths and by learned weights. A common factor has no meaning."
-            + (
-                " Dashed: the true ones, of what the images were simulated with, scaled to the "
-                "same mean."
-                if learned is not None and learned.true_by_camera is not None
-                else ""
-            ),
-            "Line plots of the learned weight over the segment length against five quantities; "
-            "bars of left-out views' residuals.",
+            "depth in the grid as seen from the camera, upstream emission, and angle off the "
+            "image's middle; and the relative residual of pixels left out, by segment lengths "
+            "and by learned weights. A common factor has no meaning.",
+            "Line plots of the learned weight over the segment length against three quantities; "
+            "bars of left-out pixels' residuals.",
         ),
         (
             results.half_width is not None,

@@ -15,7 +15,7 @@ from tomo.grid import VoxelGrid
 class LearnedWeights(Protocol):
     """Ray-voxel weights that a solver learned in place of the segment lengths."""
 
-    def projector(self, projector: Any, *, same_views: bool = True) -> Any:
+    def projector(self, projector: Any) -> Any:
         """Return the operator of the same segments with the learned weights."""
 
 

@@ -3,8 +3,7 @@
 The network of Pan, Li and Xu (arXiv 2010.00893) replaces segment lengths by weights that an
 encoder computes for each ray in each voxel. Two forms are here:
 
-- `tomo.wernet.default`: segment lengths corrected by gains, global terms and an encoder (method
-  ``wernet``);
+- `tomo.wernet.default`: segment lengths corrected by an encoder (method ``wernet``);
 - `tomo.wernet.paper`: the published network (method ``wernet-paper``).
 
 They share the packing of rays (`packing`), the convolution (`convolution`), micro-batches
@@ -22,7 +21,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "convolution": ["packed_convolution"],
-        "default.correction": ["CorrectionEncoder", "ViewParameters"],
+        "default.encoder": ["CorrectionEncoder"],
         "default.learned_weights": ["LearnedWeights", "Profile"],
         "default.ray_features": ["RayFeatures"],
         "default.ray_weights": ["RayWeights"],

@@ -156,11 +156,10 @@ def test_many_views_that_teach_nothing_end_in_the_linear_basis(small, classic):
     assert basis(found) == "linear"
     assert found.solution.settings["method"] == "wernet"
     assert found.solution.settings["learned"] is False
-    assert "in the linear basis" in found.solution.stop_reason
     np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)
 
 
-def test_weights_learned_of_voxels_are_refit_in_the_linear_basis(take):
+def test_weights_are_learned_in_the_linear_basis(take):
     scan = take(grid=GRID, effects=Effects(gain_spread=0.1), seed=3)
     settings = {"method": "wernet", "fit_gain": False, "hold_out": ["cam03"]}
     settings |= {"compare": ["sirt:20"], **QUICK}
@@ -172,11 +171,7 @@ def test_weights_learned_of_voxels_are_refit_in_the_linear_basis(take):
     assert learned.settings["learned"] is of_voxels.settings["learned"] is True
     assert distance(found) < 0.85 * distance(boxes)
     assert psnr(found, "cam03") > psnr(boxes, "cam03")
-    # the rounds of boxes stand in the history, the solve by splines at its end
-    assert learned.history[-1].index == of_voxels.history[-1].index + 1
     assert found.solution.history[-1].distance == pytest.approx(distance(found), rel=1e-5)
-    first, last = ([one.distance for one in each.history] for each in (learned, of_voxels))
-    assert first[:-1] == last
     assert residual_of_used(found) == pytest.approx(learned.relative_residual, rel=0.05)
     # what is compared with knows the chords alone
     classic = reconstruct(

@@ -24,18 +24,29 @@ def _one_thread(on_threads):
         yield
 
 
-def flames(grid):
-    """Return a field that the voxels of ``grid`` resolve."""
+def flames(grid, turned=False):
+    """Return a field that the voxels of ``grid`` resolve; another one where it is turned over."""
     center, size = np.asarray(grid.center), float(np.mean(grid.spacing))
     places = np.array([[1.3, -3.0, 0.4], [-1.2, 2.6, -0.8], [0.2, 0.5, 1.5]])
+    places *= -1 if turned else 1
     return GaussianBlobs(center + size * places, size * np.array([1.6, 1.5, 1.8]), [1.0, 0.8, 0.6])
 
 
+OPTICS = {
+    "waves": lambda across, toward_x: 1 + 0.3 * np.sin(3 * across),
+    "direction": lambda across, toward_x: 1 + 0.4 * toward_x**2,
+}
+"""Factors of light that no effect of `tomo.model` has: by the angle in the image, or in space."""
+
+
 @lru_cache
-def make_scene(views=12, effects=None, finer=1, seed=3, grid=GRID, image_size=(14, 20)):
+def make_scene(
+    views=12, effects=None, finer=1, grid=GRID, image_size=(14, 20), shading=0.0, turned=False
+):
     """Return a ring's images, alternately from above and below, and their equations.
 
     With ``finer`` above 1, pixels and voxels of the images are: what the equations leave out.
+    Images are ``shading`` brighter at their right edge, and as much darker at their left one.
     """
     edge = float(np.mean(grid.spacing))
     rig = rigs.ring(
@@ -47,8 +58,10 @@ def make_scene(views=12, effects=None, finer=1, seed=3, grid=GRID, image_size=(1
         pitch_degrees=[12.0 * (-1) ** view for view in range(views)],
     )
     finite = {"supersample": finer, "refine": finer}
-    scan = simulate_images(rig, flames(grid), grid, effects=effects, seed=seed, **finite)
+    scan = simulate_images(rig, flames(grid, turned), grid, effects=effects, seed=3, **finite)
     system = LinearSystem.from_rig(rig, grid, midpoints=True)
+    factor = 1 + shading * np.linspace(-1, 1, image_size[0], dtype=np.float32)
+    images = [factor * image for image in scan.images.values()]
     return SimpleNamespace(
         grid=grid,
         rig=rig,
@@ -56,7 +69,31 @@ def make_scene(views=12, effects=None, finer=1, seed=3, grid=GRID, image_size=(1
         truth=scan.truth,
         system=system,
         projector=system.projector,
-        measured=system.flatten(list(scan.images.values())),
+        images=images,
+        measured=system.flatten(images),
+    )
+
+
+@lru_cache
+def make_optic(name="", turned=False):
+    """Return images through one of `OPTICS`, or none, and equations in the linear basis.
+
+    Pixels have an area, and the voxels of the images are finer than those of the equations.
+    """
+    from tomo.wernet.default import RayFeatures
+
+    grid = VoxelGrid((14, 20, 14), 0.8, (4.0, -2.0, 1.0))
+    one = make_scene(finer=2, grid=grid, image_size=(26, 38), turned=turned)
+    measured = one.measured
+    if name:
+        of_ray = RayFeatures.of(one.projector).of_ray.numpy()
+        measured = measured * OPTICS[name](of_ray[:, 3], of_ray[:, 0])
+    noise = np.random.default_rng(3).normal(0, 0.003 * measured.max(), len(measured))
+    return SimpleNamespace(
+        grid=grid,
+        truth=one.truth,
+        projector=one.system.with_linear_basis().projector,
+        measured=(measured + noise).astype(np.float32),
     )
 
 
@@ -64,3 +101,9 @@ def make_scene(views=12, effects=None, finer=1, seed=3, grid=GRID, image_size=(1
 def scene():
     """Return the function that makes scenes, each once."""
     return make_scene
+
+
+@pytest.fixture(scope="session")
+def optic():
+    """Return the function that makes images by unknown optics, each once."""
+    return make_optic

@@ -3,7 +3,7 @@ import pytest
 
 from tomo import Rays
 from tomo.trace import Segments
-from tomo.wernet.ray_directions import ray_directions, squared_tangents
+from tomo.wernet.ray_directions import ray_directions
 
 
 def _segments(*rays):
@@ -61,28 +61,3 @@ def test_what_gives_no_direction_takes_the_nearest_pixel_s(short):
 def test_without_any_direction_all_are_zero():
     for rays in ([[(1, 2, 3)], [(4, 5, 6)]], [[], []], [[(0, 0, 0), (0, 0, 0)]]):
         assert not ray_directions(_segments(*rays)).any()
-
-
-def test_how_far_off_the_axis_rays_are_is_seen_from_the_rays_alone(scene):
-    one = scene()
-    cameras = list(zip(one.rig, one.system.pixels, strict=True))
-    direction = np.concatenate([Rays.from_camera(c, p).directions for c, p in cameras])
-    position = np.repeat([c.position for c in one.rig], np.diff(one.projector.view_ptr), axis=0)
-    point = position - one.grid.center + 90 * direction
-    found = squared_tangents(point, direction, one.projector.view_ptr)
-    true = []
-    for camera, pixels in cameras:  # which look at the grid's centre
-        width = camera.image_size[0]
-        middle = (np.array(camera.image_size) - 1) / 2
-        true.append(np.square(np.stack([pixels % width, pixels // width], 1) - middle).sum(1))
-    true = np.concatenate(true)
-    np.testing.assert_allclose(found / found.max(), true / true.max(), atol=1e-6)
-    few = np.array([0, 1])  # one ray alone gives no axis
-    np.testing.assert_array_equal(squared_tangents(point[:1], direction[:1], few), [0])
-
-
-def test_parallel_rays_are_all_on_the_axis():
-    point = np.array([[0.0, 0, 0], [1, 0, 0], [0, 2, 0], [3, 1, 0]])
-    direction = np.tile([0.0, 0, 1], (4, 1))
-    direction[2] = 0  # a ray without a direction
-    np.testing.assert_array_equal(squared_tangents(point, direction, np.array([0, 0, 4])), 0)

@@ -3,40 +3,28 @@
 The classic model predicts a pixel by ``p_i = sum_j a_ij x_j`` with the segment lengths ``a``. Here
 each length is corrected by a factor near one::
 
-    w_ij = a_ij (1 + c_ij)^2,    1 + c_ij = (1 + e_ij) exp(k . t_ij + g_v)
+    w_ij = a_ij (1 + e_ij)² / g_j
 
-with the gain ``exp(g_v)`` of view ``v``, three coefficients ``k`` of global terms ``t``, and the
-output ``e`` of an encoder, convolutions along the ray (`correction`). The terms are the depth in
-the grid (even absorption), the upstream emission (self-absorption) and the squared tangent off the
-optical axis (vignetting). All are zero at first: the weights are then the segment lengths, and
-units are kept.
+with the output ``e`` of an encoder, convolutions along the ray (`encoder`) of features on which
+optics may depend (`ray_features`). It is zero at first: the weights are then the segment lengths.
+The gauge ``g`` keeps the mean weight in each voxel at the mean length, and so the unit. What
+formulas describe, gains and gas, is found before this (`tomo.inference`); the encoder learns what
+no formula covers.
 
 1. The classic solve that predicts left-out pixels best is the baseline.
-2. Gains and coefficients are found by variable projection (`variable_projection`): Gauss-Newton
-   steps on the residual ``m - A(g, k) x(g, k)``, the voxels ``x`` eliminated. Residuals are summed
-   over patches of the images, where errors of single pixels cancel.
-3. Outer iterations (`outer_iterations`) alternate between encoder and voxels. The encoder is
-   trained at fixed voxels (`encoder_training`, `fixed_voxels`) on the loss ::
-
-       mean (p - m)^2 / mean m^2  +  1e-3 mean c^2
-
-   and the voxels are solved for again with the weights that it gives. At voxels that are optimal
-   for the weights, the gradient of the loss by the encoder is that with the voxels eliminated
-   (envelope theorem), so that the alternation descends on that loss.
-4. All of this is done without every eighth block of pixels (`left_out`). Terms and encoders are
-   kept where they predict these better by more than chance; otherwise the result is the baseline.
-   With eight views or fewer only what is common to all views is learned.
+2. Outer iterations (`outer_iterations`) alternate between encoder and voxels. The encoder is
+   trained at fixed voxels (`training`), and the voxels are solved for again with the weights that
+   it gives. At voxels that are optimal for the weights, the gradient of the loss by the encoder is
+   that with the voxels eliminated (envelope theorem), so that the alternation descends on it, but
+   for the gauge, which training leaves out.
+3. All of this is done without every eighth block of pixels (`left_out`). An encoder is kept where
+   it predicts these better by more than chance; otherwise the result is the baseline.
 
 `wernet` is the method of that name.
 
-The encoder's forward pass stands in `ray_weights.packed_corrections` (PyTorch, for training) and
-in `compiled_forward` (its compiled twin, for whole volumes).
-
 References
 ----------
-Pan, Li, Xu, arXiv 2010.00893 (the encoder). Golub, Pereyra, "The differentiation of
-pseudo-inverses and nonlinear least squares problems whose variables separate", SIAM Journal on
-Numerical Analysis 10 (1973) (variable projection).
+Pan, Li, Xu, arXiv 2010.00893.
 """
 
 import lazy_loader
@@ -44,7 +32,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "correction": ["CorrectionEncoder", "ViewParameters"],
+        "encoder": ["CorrectionEncoder"],
         "learned_weights": ["LearnedWeights", "Profile"],
         "left_out": ["LeftOut"],
         "ray_features": ["RayFeatures"],

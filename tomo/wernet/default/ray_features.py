@@ -4,35 +4,26 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass
-from functools import cached_property
 
-import numba
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
-from tomo._compute.jit import compiled
 from tomo.operators import Projector
 from tomo.wernet.packing import Packing
-from tomo.wernet.ray_directions import ray_directions, squared_tangents
+from tomo.wernet.ray_directions import ray_directions
 
 FEATURES = (
-    "position in the voxel, x",
-    "position in the voxel, y",
-    "position in the voxel, z",
     "direction, x",
     "direction, y",
     "direction, z",
-    "depth in the grid",
-    "segment length",
     "position in the image, across",
     "position in the image, up",
     "position in the image, across squared",
     "position in the image, up squared",
+    "depth in the grid",
     "upstream emission",
 )
-TERMS = ("depth in the grid", "upstream emission", "off the axis, squared")
-"""Global terms of the exponent: even absorption, self-absorption and vignetting."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,61 +31,39 @@ class RayFeatures:
     """The segments of a projector's rays, and the features that describe each to the encoder.
 
     An encoder that sees where a voxel lies can hide a smooth factor in the weights and its inverse
-    in the voxels while the loss still falls. The features are therefore relative:
+    in the voxels while the loss still falls. One that sees where a ray cuts a voxel imitates what
+    voxels are too coarse for. The features are therefore those that optics depend on:
 
-    - position *within* the voxel, from -1 to 1,
     - direction of the ray,
-    - depth in the grid as seen from the camera, from -1 to 1 over the grid's shortest edge,
-    - segment length in voxels,
     - position in the image: the tangents of the angles from the view's mean direction, in units
-      of ``image_scale``,
+      of ``image_scale``, and their squares,
+    - depth in the grid as seen from the camera, from -1 to 1 over the grid's shortest edge,
     - upstream emission: the light between the segment and the camera.
 
     Attributes
     ----------
     start, count : (rays,) int64
         First segment and number of segments of each ray.
-    view : (rays,) int64
-    direction : (rays, 3) float32
-    image_position : (rays, 2) float32
-    off_axis : (rays,) float32
-        Squared tangent of a ray's angle from its camera's line to the grid's centre, in units of
-        ``image_scale``. Vignetting follows it. The axis is alike in all views; the view's mean
-        direction is not.
-    entry_distance : (rays,) float32
-        Where a ray enters the grid, along its direction from the grid's centre.
-    midpoint : (S, 3) float32
-        From the grid's centre.
+    of_ray : (rays, 7) float32
+        Direction, position in the image, and its squares.
+    depth : (S,) float32
     length : (S,) float32
     voxel : (S,) integer
         The unknown that each segment crosses.
-    centre : (unknowns, 3) float32
-        Centres of the unknowns' voxels, from the grid's centre.
-    spacing : (3,) float32
     shortest_edge : float
-        The grid's shortest edge.
-    per_view : bool
-        Whether the encoder sees where a pixel lies in the image. With few views it would memorise
-        each view instead of finding what all have in common.
-    image_scale : (float, float)
-        Units of ``image_position`` and ``off_axis``: their largest values among the training rays.
+        The grid's.
+    image_scale : float
+        The largest tangent among the training rays.
     """
 
     start: torch.Tensor
     count: torch.Tensor
-    view: torch.Tensor
-    direction: torch.Tensor
-    image_position: torch.Tensor
-    off_axis: torch.Tensor
-    entry_distance: torch.Tensor
-    midpoint: torch.Tensor
+    of_ray: torch.Tensor
+    depth: torch.Tensor
     length: torch.Tensor
     voxel: torch.Tensor
-    centre: torch.Tensor
-    spacing: torch.Tensor
     shortest_edge: float
-    per_view: bool
-    image_scale: tuple[float, float]
+    image_scale: float
 
     @classmethod
     def of(
@@ -102,8 +71,7 @@ class RayFeatures:
         projector: Projector,
         device: torch.device | str = "cpu",
         *,
-        per_view: bool = True,
-        image_scale: tuple[float, float] | None = None,
+        image_scale: float | None = None,
     ) -> RayFeatures:
         """Return the features of a stored projector whose segments have midpoints.
 
@@ -111,8 +79,7 @@ class RayFeatures:
         ----------
         projector : Projector
         device : torch.device or str
-        per_view : bool
-        image_scale : (float, float), optional
+        image_scale : float, optional
             That of the rays that weights were learned from; that of these rays when None.
 
         Raises
@@ -120,7 +87,8 @@ class RayFeatures:
         ValueError
             If the segments have no midpoints, or there is none.
         """
-        segments, grid = projector.segments, projector.grid
+        rays, grid = projector.without_blur, projector.grid
+        segments = rays.segments
         if segments.midpoint is None:
             raise ValueError(
                 "segments midpoint: found none, expected (S, 3): trace with midpoints=True"
@@ -129,52 +97,39 @@ class RayFeatures:
             raise ValueError("segments: found none, expected at least one ray through the grid")
         # View by view: a pixel without a direction of its own takes that of a neighbour.
         direction = np.concatenate(
-            [ray_directions(projector.view(v).segments) for v in range(projector.n_views)]
+            [ray_directions(rays.view(v).segments) for v in range(rays.n_views)]
         )
-        position = _image_positions(direction, projector.view_ptr)
+        position = _image_positions(direction, rays.view_ptr)
+        scale = float(np.abs(position).max()) or 1.0 if image_scale is None else image_scale
+        position /= scale
         half = (np.asarray(grid.upper) - np.asarray(grid.lower)) / 2
-        view = np.repeat(np.arange(projector.n_views), np.diff(projector.view_ptr))
         first = segments.midpoint[np.minimum(segments.ptr[:-1], len(segments) - 1)]
-        nonempty = np.diff(segments.ptr)[:, None] > 0  # an empty ray has no point of its own
-        off_axis = squared_tangents(first, np.where(nonempty, direction, 0), projector.view_ptr)
-        if image_scale is None:
-            image_scale = float(np.abs(position).max()) or 1.0, float(off_axis.max()) or 1.0
-        position, off_axis = position / image_scale[0], off_axis / image_scale[1]
-        index = np.arange(grid.size) if projector.active.all else projector.active.index
-        indices = np.stack(np.unravel_index(index, grid.shape), axis=1)  # (unknowns, 3)
-        centre = (indices - (np.asarray(grid.shape) - 1) / 2) * np.asarray(grid.spacing)
+        entry = _entry_distances(first.astype(np.float64), direction, half)
+        count = np.diff(segments.ptr)
+        way = np.repeat(direction.astype(np.float32), count, axis=0)
+        along = np.einsum("si,si->s", segments.midpoint, way)
+        depth = (along - np.repeat(entry, count)) / half.min() - 1
 
         def move(array: NDArray, kind: type = np.float32) -> torch.Tensor:
             return torch.from_numpy(np.ascontiguousarray(array, kind)).to(device)
 
         return cls(
             start=move(segments.ptr[:-1], np.int64),
-            count=move(np.diff(segments.ptr), np.int64),
-            view=move(view, np.int64),
-            direction=move(direction),
-            image_position=move(position if per_view else np.zeros_like(position)),
-            off_axis=move(off_axis),
-            entry_distance=move(_entry_distances(first.astype(np.float64), direction, half)),
-            midpoint=move(segments.midpoint),
+            count=move(count, np.int64),
+            of_ray=move(np.column_stack([direction, position, position**2])),
+            depth=move(depth),
             length=move(segments.length),
             voxel=move(segments.voxel, segments.voxel.dtype.type),
-            centre=move(centre),
-            spacing=move(np.asarray(grid.spacing)),
             shortest_edge=float(2 * half.min()),
-            per_view=per_view,
-            image_scale=image_scale,
+            image_scale=scale,
         )
 
     def __repr__(self) -> str:
         """Name the sizes: the tensors themselves are too long to print."""
-        return f"<RayFeatures: {len(self)} rays, {len(self.voxel)} segments>"
-
-    def __len__(self) -> int:
-        """Return the number of rays, those without a segment included."""
-        return len(self.start)
+        return f"<RayFeatures: {len(self.start)} rays, {len(self.voxel)} segments>"
 
     def packed(self, rays: torch.Tensor, upstream: torch.Tensor) -> tuple[Packing, torch.Tensor]:
-        """Return the packing of some rays and the features of their segments: ``(E, 13)``.
+        """Return the packing of some rays and the features of their segments: ``(E, features)``.
 
         Parameters
         ----------
@@ -184,32 +139,8 @@ class RayFeatures:
             Upstream emission of all segments, see `upstream_emission`.
         """
         packing = Packing.of(self.start[rays], self.count[rays])
-        segment = packing.segment
-        midpoint = self.midpoint[segment]
-        direction = packing.per_segment(self.direction[rays])
-        position = packing.per_segment(self.image_position[rays])
-        features = [
-            2 * (midpoint - self.centre[self.voxel[segment].long()]) / self.spacing,
-            direction,
-            self.depth[segment][:, None],
-            (self.length[segment] / self.spacing.log().mean().exp() - 0.5)[:, None],
-            position,
-            position.square(),
-            upstream[segment][:, None],
-        ]
-        return packing, torch.cat(features, dim=1)
-
-    @cached_property
-    def depth(self) -> torch.Tensor:
-        """Depth of segments in the grid, from -1 to 1 over its shortest edge: ``(S,)``."""
-        direction = torch.repeat_interleave(self.direction, self.count, dim=0)
-        entry = torch.repeat_interleave(self.entry_distance, self.count)
-        return 2 * ((self.midpoint * direction).sum(dim=1) - entry) / self.shortest_edge - 1
-
-    def terms(self, upstream: torch.Tensor) -> tuple[NDArray[np.float32], ...]:
-        """Return the values of `TERMS` for all segments, ``(S,)`` each."""
-        off_axis = torch.repeat_interleave(self.off_axis, self.count)
-        return tuple(each.cpu().numpy() for each in (self.depth, upstream, off_axis))
+        of_segment = torch.stack([self.depth, upstream], dim=1)[packing.segment]
+        return packing, torch.cat([packing.per_segment(self.of_ray[rays]), of_segment], dim=1)
 
     def upstream_emission(self, volume: NDArray[np.float32], unit: float) -> torch.Tensor:
         """Return the emission between the camera and each segment's middle: ``(S,)`` float32.
@@ -223,15 +154,14 @@ class RayFeatures:
         unit : float
             A typical pixel; above zero.
         """
-        segments = (self.start, self.count, self.voxel, self.length)
-        upstream = np.zeros(len(self.voxel), np.float32)
-        _sum_upstream(
-            *(tensor.cpu().numpy() for tensor in segments),
-            np.ascontiguousarray(volume, np.float32),
-            float(unit),
-            upstream,
+        count, voxel, length = (
+            each.cpu().numpy() for each in (self.count, self.voxel, self.length)
         )
-        return torch.from_numpy(upstream).to(self.length.device)
+        own = length * volume[voxel].astype(np.float64)
+        behind = np.concatenate([[0.0], np.cumsum(own)])  # over the segments of all rays
+        first = behind[self.start.cpu().numpy()]
+        upstream = (behind[:-1] + own / 2 - np.repeat(first, count)) / unit
+        return torch.from_numpy(upstream.astype(np.float32)).to(self.length.device)
 
 
 def _entry_distances(
@@ -262,14 +192,3 @@ def _image_positions(
         axes = np.stack([across, np.cross(mean, across)], axis=1)  # (3, 2)
         position[start:stop] = (own @ axes) / np.maximum(own @ mean, 0.1)[:, None]
     return position
-
-
-@compiled(parallel=True)
-def _sum_upstream(start, count, voxel, length, volume, unit, upstream) -> None:
-    """Write the emission between the camera and each segment's middle to ``upstream`` (S,)."""
-    for ray in numba.prange(len(start)):
-        before = 0.0
-        for s in range(start[ray], start[ray] + count[ray]):
-            own = np.float64(length[s]) * np.float64(volume[voxel[s]])
-            upstream[s] = (before + own / 2) / unit
-            before += own

@@ -3,7 +3,7 @@
 One effect at a time or all: gains that differ by 10 %, gas that absorbs (an optical depth of 2
 across the box, or of 1 through the flame for its own light), 40 % of the light lost in the
 corners, a blur of two voxels; pixels have an area everywhere. 33 views; no solver knows the
-effects, and no gain is fitted. "Classic" is the best of `studies.benchmark.classic`, stopped where
+effects. "Classic" is the best of `studies.benchmark.classic`, stopped where
 it is nearest to the truth; "informed" is the best of the least squares and of that one, so
 stopped, with the true weights: about what the images allow. "wernet" is
 `reconstruct(method="wernet")`, which stops by itself. Means over the seeds; seconds since the

@@ -22,7 +22,6 @@ from tomo.pipeline import Reconstruction
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
 from tomo.simulation.simulate import SimulatedImages
-from tomo.simulation.true_weights import true_ratios
 
 VIEWS = 33
 NOISES: Mapping[str, float] = {"clean": 0.0, "2 %": 0.02}
@@ -81,18 +80,20 @@ class MismatchScene(OfScan):
         return problem(self.rig, self.grid, self.images, skip=True, midpoints=midpoints)
 
     def learned(self, **how: Any) -> Reconstruction:
-        """Return what ``reconstruct(method="wernet", **how)`` makes of the scan, gains not fitted.
-
-        From its files, as a user would.
-        """
-        how = {"method": "wernet", "fit_gain": False, "seed": self.seed} | how
+        """Return what ``reconstruct(method="wernet", **how)`` makes of the scan's files."""
+        how = {"method": "wernet", "seed": self.seed} | how
         return reconstructed(self.scan, **how)
 
     def weight_ratios(self, system: LinearSystem) -> NDArray[np.float64]:
         """Return the true weight of each of the system's segments over its chord: ``(S,)``."""
+        projector = system.projector
+        known = projector.grid, projector.active.compress(self.truth)
         gains = self.effects.gains(len(self.rig), self.seed)
-        known = self.effects, dict(zip(self.rig.names, gains, strict=True))
-        return true_ratios(system, known, self.truth)
+        ratios = [
+            self.effects.weight_ratio(camera, projector.view(view).segments, *known, gain=gain)
+            for view, (camera, gain) in enumerate(zip(self.rig, gains, strict=True))
+        ]
+        return np.concatenate(ratios)
 
     def informed(self, system: LinearSystem) -> ProjectionOperator | None:
         """Return the projector of the same pixels and voxels that knows all of the effects.

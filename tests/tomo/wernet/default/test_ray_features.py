@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import torch
 
+from rigs import ring
 from tomo import LinearSystem, Projector, Rays, VoxelGrid
 from tomo.grid import ActiveVoxels
 from tomo.rays.ray_box import enter_box
@@ -11,8 +12,8 @@ from tomo.trace import Segments, trace
 from tomo.wernet.default import RayFeatures
 from tomo.wernet.default.ray_features import FEATURES
 
-PLACE, DIRECTION, IMAGE = slice(0, 3), slice(3, 6), slice(8, 12)
-DEPTH, CHORD, FRONT = 6, 7, 12
+DIRECTION, IMAGE = slice(0, 3), slice(3, 7)
+DEPTH, UPSTREAM = 7, 8
 
 
 def _all(projector, volume=None, unit=1.0):
@@ -66,22 +67,6 @@ def test_the_order_of_the_views_changes_no_ray_s_features(scene):
     first = np.cumsum([0, *counts])
     expected = np.concatenate([together[first[v] : first[v + 1]] for v in order])
     _same(other, expected)
-
-
-@pytest.mark.parametrize("spacing", [0.5, (0.5, 1.0, 0.25)])
-def test_the_position_in_the_voxel_is_that_of_the_midpoint(spacing):
-    grid = VoxelGrid((4, 6, 5), spacing, (1.0, 2.0, 3.0))
-    origins = np.random.default_rng(0).normal(size=(300, 3)) * 20 + grid.center
-    targets = grid.lower + np.random.default_rng(1).random((300, 3)) * grid.extent
-    segments = trace(Rays.from_lines(origins, targets - origins), grid, midpoints=True)
-    _, found = _all(Projector(segments, grid))
-    assert np.abs(found[:, PLACE]).max() <= 1 + 1e-5
-    assert np.abs(found[:, PLACE]).max() > 0.9
-    centre = grid.centers().reshape(-1, 3)[segments.voxel] - grid.center
-    expected = 2 * (segments.midpoint - centre) / grid.spacing
-    np.testing.assert_allclose(found[:, PLACE], expected, atol=1e-5)
-    edge = np.prod(grid.spacing) ** (1 / 3)
-    np.testing.assert_allclose(found[:, CHORD], segments.length / edge - 0.5, atol=1e-5)
 
 
 def test_depth_grows_along_a_ray_from_minus_one_where_it_enters(scene):
@@ -170,8 +155,7 @@ def test_active_voxels_give_the_features_of_the_whole_grid(scene):
     _, found = _all(part, volume=active.compress(one.truth).astype(np.float32))
     kept = alive[s.voxel]
     assert 0 < kept.sum() < len(kept)
-    for columns in (PLACE, CHORD, FRONT):
-        np.testing.assert_allclose(found[:, columns], whole[kept][:, columns], atol=1e-5)
+    np.testing.assert_allclose(found[:, UPSTREAM], whole[kept][:, UPSTREAM], atol=1e-5)
     # fewer segments leave a direction less well known, but hardly
     same = (found[:, DIRECTION] * whole[kept][:, DIRECTION]).sum(axis=1)
     assert np.median(np.abs(1 - same)) < 1e-6
@@ -184,7 +168,7 @@ def test_the_position_in_the_image_is_symmetric_and_one_at_most(scene):
     packing, found = _all(one.projector)
     across, up = found[:, IMAGE.start], found[:, IMAGE.start + 1]
     assert max(np.abs(across).max(), np.abs(up).max()) == pytest.approx(1)
-    np.testing.assert_allclose(found[:, 10:12], found[:, 8:10] ** 2, atol=1e-6)
+    np.testing.assert_allclose(found[:, 5:7], found[:, 3:5] ** 2, atol=1e-6)
     # columns of the image are distinguished by "across" alone, rows by "up"
     first = one.projector.view_ptr[1]
     pixels = one.system.pixels[0]
@@ -195,20 +179,23 @@ def test_the_position_in_the_image_is_symmetric_and_one_at_most(scene):
     np.testing.assert_allclose(np.abs(np.corrcoef(row, up[starts])[0, 1]), 1, atol=1e-3)
 
 
-def test_pixels_that_see_nothing_turn_no_camera(scene):
+def test_directions_are_those_of_the_view_s_own_rays():
+    """A pixel that crosses one voxel has the direction of a near one, but of no other camera."""
+    rig = ring(2, 180.0, 300.0, image_size=(30, 30), footprint=0.5, pitch_degrees=[40.0, -40.0])
+    features = RayFeatures.of(_system(rig, VoxelGrid((8, 8, 8), 1.0)))
+    ptr = _system(rig, VoxelGrid((8, 8, 8), 1.0)).view_ptr
+    for camera, (start, stop) in zip(rig, np.stack([ptr[:-1], ptr[1:]], axis=1), strict=True):
+        cosine = features.of_ray.numpy()[start:stop, :3] @ camera.R[2]
+        assert cosine.min() > 0.999
+    assert (features.count == 1).any()
+
+
+def test_rays_of_the_linear_basis_have_the_features_of_their_voxels(scene):
     one = scene()
-    every = LinearSystem.from_rig(one.rig, one.grid, midpoints=True, skip=False).projector
-    whole = RayFeatures.of(every)
-    crosses = whole.count > 0
-    assert 0.01 < 1 - crosses.double().mean() < 0.2
-    assert not whole.off_axis[~crosses].any()
-    assert torch.equal(whole.off_axis[crosses], RayFeatures.of(one.projector).off_axis)
-
-
-def test_views_are_distinguished_only_where_asked_for(scene):
-    features = RayFeatures.of(scene().projector, per_view=False)
-    assert not features.image_position.any()
-    assert RayFeatures.of(scene().projector).image_position.any()
+    linear = RayFeatures.of(one.system.with_linear_basis().projector)
+    voxels = RayFeatures.of(one.projector)
+    for name in ("of_ray", "depth", "length", "voxel"):
+        assert torch.equal(getattr(linear, name), getattr(voxels, name))
 
 
 def test_segments_without_midpoints_are_refused(scene):
@@ -218,11 +205,7 @@ def test_segments_without_midpoints_are_refused(scene):
         RayFeatures.of(Projector(Segments(s.ptr, s.voxel, s.length), one.grid))
 
 
-def test_repr_and_length(scene):
-    one = scene()
-    features = RayFeatures.of(one.projector)
-    assert len(features) == one.projector.shape[0]
-    assert (
-        repr(features)
-        == f"<RayFeatures: {len(features)} rays, {one.projector.n_segments} segments>"
-    )
+def test_repr_names_the_sizes(scene):
+    rays, segments = scene().projector.shape[0], scene().projector.n_segments
+    text = repr(RayFeatures.of(scene().projector))
+    assert text == f"<RayFeatures: {rays} rays, {segments} segments>"

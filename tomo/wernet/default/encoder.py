@@ -1,4 +1,4 @@
-"""Learned parameters: an encoder of segments, and the numbers of views and global terms."""
+"""The encoder: convolutions along a ray, from features of its segments to corrections of these."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from torch import nn
 from torch.nn import functional
 
 from tomo.wernet.convolution import packed_convolution, seeded_convolution
-from tomo.wernet.default.ray_features import FEATURES, TERMS
+from tomo.wernet.default.ray_features import FEATURES
 
 SLOPE = 0.01  # of the Leaky ReLU below zero
 
@@ -54,11 +54,6 @@ class CorrectionEncoder(nn.Module):
         """The arguments that build an encoder of this shape."""
         return {"blocks": self.blocks, "channels": self.channels}
 
-    @property
-    def is_zero(self) -> bool:
-        """Whether it gives no correction for any features, as before training."""
-        return not any(parameter.any() for parameter in self.last.parameters())
-
     def show_only(self, names: Sequence[str]) -> None:
         """Hide all features but these: their weights are set to zero and not trained.
 
@@ -80,69 +75,17 @@ class CorrectionEncoder(nn.Module):
 
         weight.register_hook(hide)
 
-    def forward(
-        self,
-        features: torch.Tensor,
-        mask: torch.Tensor,
-        embedding: torch.Tensor | None = None,
-    ) -> torch.Tensor:
+    def forward(self, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return the correction in every row, ``(rows,)``; empty rows hold arbitrary numbers.
 
         Parameters
         ----------
-        features : (rows, 13) float
+        features : (rows, features) float
             Features of packed rays, see `tomo.wernet.default.ray_features`.
         mask : (rows, 1) float
             One on a segment, zero in an empty row.
-        embedding : (rows, channels) float, optional
-            Embedding of the row's view, added to the first layer.
         """
         x = features
-        for number, layer in enumerate(self.hidden):
-            x = packed_convolution(x, *layer.parameters())
-            if number == 0 and embedding is not None:
-                x = x + embedding
-            x = functional.leaky_relu(x, SLOPE) * mask
+        for layer in self.hidden:
+            x = functional.leaky_relu(packed_convolution(x, *layer.parameters()), SLOPE) * mask
         return packed_convolution(x, *self.last.parameters())[:, 0]
-
-
-class ViewParameters(nn.Module):
-    """Numbers of one scene: each view's gain and embedding, and the coefficients of global terms.
-
-    All are zero at first.
-
-    Parameters
-    ----------
-    views, channels : int
-
-    Attributes
-    ----------
-    embedding : (views, channels) float32
-        Added to the first layer of the encoder.
-    log_gain : (views,) float32
-        Logarithm of each view's gain.
-    coefficients : (3,) float32
-        Factors of `tomo.wernet.default.ray_features.TERMS` in the exponent of the weights, see
-        `tomo.wernet.default.ray_weights.packed_corrections`.
-    """
-
-    def __init__(self, views: int, channels: int):
-        super().__init__()
-        self.embedding = nn.Parameter(torch.zeros(views, channels))
-        self.log_gain = nn.Parameter(torch.zeros(views))
-        self.coefficients = nn.Parameter(torch.zeros(len(TERMS)))
-
-    def copy_terms(self, other: ViewParameters) -> None:
-        """Copy the gains and coefficients of other parameters of the same views."""
-        with torch.no_grad():
-            self.log_gain.copy_(other.log_gain)
-            self.coefficients.copy_(other.coefficients)
-
-    def mean(self, views: int) -> ViewParameters:
-        """Return parameters of ``views`` other views of the same rig: the mean of these."""
-        other = ViewParameters(views, self.embedding.shape[1]).to(self.log_gain.device)
-        with torch.no_grad():
-            other.embedding.copy_(self.embedding.mean(dim=0).expand_as(other.embedding))
-            other.log_gain.copy_(self.log_gain.mean().expand_as(other.log_gain))
-            other.coefficients.copy_(self.coefficients)
-        return other

@@ -2,7 +2,7 @@ import pytest
 import torch
 
 from tomo.wernet import Packing
-from tomo.wernet.default import CorrectionEncoder, ViewParameters
+from tomo.wernet.default import CorrectionEncoder
 from tomo.wernet.default.ray_features import FEATURES
 
 
@@ -52,8 +52,8 @@ def test_a_ray_s_correction_depends_on_that_ray_alone():
 
 def test_what_is_hidden_changes_nothing_and_stays_hidden_in_training():
     encoder, (packing, described) = _trained(), _rays()
-    encoder.show_only(("segment length", "depth in the grid"))
-    shown = [name in ("segment length", "depth in the grid") for name in FEATURES]
+    encoder.show_only(("upstream emission", "depth in the grid"))
+    shown = [name in ("upstream emission", "depth in the grid") for name in FEATURES]
     other = torch.where(torch.tensor(shown), described, torch.randn(described.shape))
 
     def correction(features):
@@ -81,24 +81,6 @@ def test_a_correction_sees_one_neighbour_more_with_every_layer(blocks, reach):
     assert seen.tolist() == list(range(10 - reach, 10 + reach + 1))
 
 
-def test_a_token_is_added_to_the_first_layer():
-    encoder = _trained(blocks=1)
-    packing, described = _rays()
-    rows = packing.to_rows(described)
-    embedding = torch.zeros(len(rows), encoder.channels)
-    plain = encoder(rows, packing.mask)
-    assert torch.equal(encoder(rows, packing.mask, embedding), plain)
-    with torch.no_grad():
-        encoder.hidden[0].bias += 0.5
-    shifted = encoder(rows, packing.mask)
-    with torch.no_grad():
-        encoder.hidden[0].bias -= 0.5
-    torch.testing.assert_close(
-        encoder(rows, packing.mask, embedding + 0.5), shifted, rtol=1e-5, atol=1e-6
-    )
-    assert (shifted - plain).abs().max() > 0.01
-
-
 def test_the_seed_alone_decides_the_initial_weights():
     state = torch.get_rng_state()
     first = CorrectionEncoder(seed=5).state_dict()
@@ -118,31 +100,3 @@ def test_the_seed_alone_decides_the_initial_weights():
 def test_bad_arguments_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):
         CorrectionEncoder(**arguments)
-
-
-def test_views_not_trained_with_take_the_mean():
-    view_parameters = ViewParameters(3, 4)
-    assert not view_parameters.embedding.any()
-    assert not view_parameters.log_gain.any()
-    with torch.no_grad():
-        view_parameters.embedding += torch.arange(12.0).reshape(3, 4)
-        view_parameters.log_gain += torch.tensor([1.0, 2.0, 6.0])
-        view_parameters.coefficients += torch.tensor([-0.5, 0.25, -0.125])
-    other = view_parameters.mean(5)
-    assert other.coefficients.tolist() == [-0.5, 0.25, -0.125]  # the scene's, whichever the views
-    assert other.embedding.tolist() == [[4.0, 5.0, 6.0, 7.0]] * 5
-    assert other.log_gain.tolist() == [3.0] * 5
-    assert view_parameters.log_gain.tolist() == [1.0, 2.0, 6.0]
-
-
-def test_levels_and_trends_are_taken_up_and_the_rest_stays():
-    view_parameters, other = ViewParameters(3, 4), ViewParameters(3, 1)
-    with torch.no_grad():
-        other.log_gain += torch.tensor([1.0, 2.0, 6.0])
-        other.coefficients += torch.tensor([-0.5, 0.25, -0.125])
-        other.embedding += 7
-    view_parameters.copy_terms(other)
-    assert view_parameters.log_gain.tolist() == [1.0, 2.0, 6.0]
-    assert view_parameters.coefficients.tolist() == [-0.5, 0.25, -0.125]
-    assert not view_parameters.embedding.any()
-    assert all(parameter.requires_grad for parameter in view_parameters.parameters())
