@@ -21,7 +21,7 @@ from tomo.inference.solve import Values, next_fit
 from tomo.inference.steps import Steps
 from tomo.model.effect import Effect, Prediction
 
-ALIKE = 0.8
+CONFUSED = 0.8
 """Score of another effect over that of the one that is there, from which the two look alike."""
 
 PROBES = 2
@@ -104,7 +104,7 @@ def _of_cameras(
         alike += [
             (own[name].parameters[k], other)
             for other, value in zip(own, score, strict=True)
-            if other != name and value >= ALIKE * mine
+            if other != name and value >= CONFUSED * mine
         ]
     return sizes, alike
 

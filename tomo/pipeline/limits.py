@@ -90,14 +90,10 @@ class Limits:
     @property
     def sentence(self) -> str:
         """What is said below a table of the limits."""
-        said = (
-            "Half of all faults of these sizes would be noticed; smaller ones change the volume "
-        )
-        said += "little, or are taken for it."
+        said = "Half of all faults of these sizes would be noticed; smaller ones rarely."
         if math.isfinite(self.absorption):
-            said += (
-                f" Gas is noticed from an optical depth of {self.absorption:.2g} across the box."
-            )
+            depth = f"{self.absorption:.2g}"
+            said += f" Gas would be from an optical depth of {depth} across the box."
         if self.alike:
             pairs = "; ".join(f"{one} with {other}" for one, other in self.alike)
             said += f" Not told apart: {pairs}."
