@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from tomo.grid.voxel_grid import VoxelGrid
     from tomo.operators.memory import MemoryNeed
     from tomo.operators.timing import Effort
+    from tomo.pipeline.limits import Limits
 
 EXAMPLES = """
 flametomo check-rig rig.yaml
@@ -64,6 +65,13 @@ def check_rig(
             "--out", "-o", metavar="FILE", help="A .png, .html or .glb file for maps; repeatable."
         ),
     ] = None,
+    noise: Annotated[
+        float | None,
+        typer.Option(
+            help="Noise of a pixel as a fraction of the brightest, such as 0.01: says how small "
+            "a fault of each camera the images of a flame of the box's size would tell."
+        ),
+    ] = None,
     images: Annotated[
         Path | None,
         typer.Option(metavar="FOLDER", help="A scan or a folder of images to show in the page."),
@@ -89,6 +97,8 @@ def check_rig(
             raise ValueError(
                 f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
             )
+        if noise is not None and not 0 < noise < 1:
+            raise ValueError(f"--noise: found {noise:g}, expected a fraction between 0 and 1")
         from rigs import check_rig as check_volume
         from tomo.draw import visualize_check
 
@@ -105,6 +115,7 @@ def check_rig(
         if is_free:
             check = with_offered_center(check, loaded, voxels)
         need, effort, why = _effort(loaded, voxels, time)
+        limits = None if noise is None else _limits(loaded, voxels, noise)
         heading = Path(rig).stem
         pictures = None
         if images is not None:
@@ -122,11 +133,39 @@ def check_rig(
         stdout.width = max(stdout.width, 110)  # piped, it would be 80
         stdout.print(_table(check))
         stdout.print(f"{COARSER_IN_WORDS}\n", highlight=False)
+        if limits is not None:
+            stdout.print(_limits_table(limits))
+            stdout.print(f"{limits.sentence}\n", highlight=False)
     for finding in check.findings:
         _say_finding(finding.level, finding.cameras, finding.text)
     say(f"{heading}: {check.assessment}. {_costs(need, effort, iterations, why)}", "bold")
     if json:
-        print_json(_report(check, need, effort, iterations, why, out))
+        report = _report(check, need, effort, iterations, why, out)
+        print_json(report | ({} if limits is None else {"detection_limits": limits.report()}))
+
+
+def _limits(rig: Rig, voxels: VoxelGrid, noise: float) -> Limits:
+    """Return how small a fault of each camera would be noticed."""
+    from tomo.operators import TRANSPARENT
+    from tomo.pipeline.infer import effects_of
+    from tomo.pipeline.limits import limits_of_rig
+    from tomo.pipeline.options import Options
+
+    return limits_of_rig(rig, voxels, effects_of(Options(), TRANSPARENT, 1), noise)
+
+
+def _limits_table(limits: Limits) -> Table:
+    """Return a row for each camera: the smallest faults that images would tell."""
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), title="Smallest faults that images would tell")
+    head = "camera", "shift (px)", "roll (°)", "zoom (%)", "gain (%)", "background (% of peak)"
+    for column, title in enumerate(head):
+        table.add_column(title, justify="right" if column else "left")
+    for one in limits.cameras:
+        percent = (100 * one.zoom, 100 * one.gain, 100 * one.background)
+        table.add_row(one.camera, *(f"{v:.2g}" for v in (one.shift, one.roll, *percent)))
+    return table
 
 
 def _effort(rig: Rig, voxels: VoxelGrid, is_timed: bool) -> tuple[MemoryNeed, Effort | None, str]:

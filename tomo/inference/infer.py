@@ -34,17 +34,26 @@ class Inference:
     ----------
     effects : tuple of Effect
     state : State
-    scores : mapping of str to (views,) float64
-        How far each effect of each view exceeded its null when it was let loose, or at the end: 1
-        is the limit.
-    spread : mapping of str to (parameters,) float64
-        What exact cameras make of each effect that was tested against the null.
+    tested : Scores
+        What the effects were compared with.
     """
 
     effects: tuple[Effect, ...]
     state: State
-    scores: dict[str, NDArray[np.float64]]
-    spread: dict[str, NDArray[np.float64]]
+    tested: Scores
+
+    @property
+    def scores(self) -> dict[str, NDArray[np.float64]]:
+        """How far effects exceeded their null when they were let loose, or at the end.
+
+        By effect, ``(views,)``; 1 is the limit.
+        """
+        return self.tested.highest
+
+    @property
+    def spread(self) -> dict[str, NDArray[np.float64]]:
+        """What exact cameras make of each effect that was tested, ``(parameters,)``."""
+        return self.tested.spread
 
 
 def infer(
@@ -91,4 +100,4 @@ def infer(
         state = adaptation.pruned(state, asked)
     if state is not given and predict_left_out(given.fits, state.fits).is_surely_worse:
         state = given
-    return Inference(tuple(effects), state, scores.highest, scores.spread)
+    return Inference(tuple(effects), state, scores)

@@ -11,7 +11,7 @@ from scipy.stats import t as student
 
 from tomo.grid import ActiveVoxels
 from tomo.inference.state import State
-from tomo.inference.steps import DRAWN, Null, Steps
+from tomo.inference.steps import DETAIL, DRAWN, Null, Steps
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
 
@@ -77,6 +77,20 @@ class Scores:
             self._null = Null(steps, self.active)
         return self._null
 
+    def spread_of(self, name: str, steps: Steps, draw: bool) -> NDArray[np.float64]:
+        """Return what exact cameras make of an effect of single views, ``(parameters,)``.
+
+        Where no effect asked for the null so far, and none is to ``draw`` it, the steps of the
+        scene itself are no more than chance, and stand for it.
+        """
+        if self._null is None and not draw:
+            return (1 + DETAIL) * np.sqrt(np.square(steps.own[name]).mean(axis=0))
+        return self._null_of(steps).spread(name)
+
+    def shared_null(self, effect: Effect, steps: Steps) -> tuple[float, float]:
+        """Return mean and spread of what exact cameras make of an effect that views share."""
+        return self._null_of(steps).of(lambda one: one.shared(effect))
+
     def ratios(self, state: State) -> dict[str, NDArray[np.float64]]:
         """Return each effect's score over its limit by view, 0 where it is loose already."""
         steps, views = Steps(state.fits, self.effects, state.values), len(state.hidden)
@@ -110,7 +124,7 @@ class Scores:
         value = steps.shared(effect)
         if value <= 0:  # the wrong sign is no evidence, whatever the null
             return 0.0
-        mean, spread = self._null_of(steps).of(lambda one: one.shared(effect))
+        mean, spread = self.shared_null(effect, steps)
         self.bias[effect.name], self.spread[effect.name] = mean, np.array([spread])
         return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit
 

@@ -89,6 +89,7 @@ def assemble(
         carving=registered.report(system.projector.shape[0]),
         screening={**pixels.report(), "excluded": list(screened.excluded)} if pixels else None,
         findings=screened.findings,
+        detection_limits=screened.limits.report() if screened.limits else None,
         depth_of_field=depth_of_field(scan.rig, grid, options),
         refinement=registered.refinement.report() if registered.refinement else None,
         refined_rig=registered.recorded_rig(scan) if registered.refinement else None,

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding
 from tomo.inference.infer import Inference, infer
+from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
 from tomo.inference.steps import mean_volume
 from tomo.model import (
@@ -31,6 +32,7 @@ from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
 from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy, factor_of
 from tomo.pipeline.findings import findings_of
 from tomo.pipeline.frames import images_of, noise_of_frames
+from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
@@ -164,6 +166,7 @@ def _inferred(
         findings=(*screened.findings, *findings_of(found, corrections, whole)),
         gains=_gains(found, corrections, whole, copy.power),
         emission=_emission(found, copy, grid) if corrections.absorption.emission else None,
+        limits=_limits(found, copy) if options.uncertainty else None,
     )
 
 
@@ -200,6 +203,11 @@ def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corr
         fit.observation.in_powers_of_two(-copy.power).absorption,
         untrusted,
     )
+
+
+def _limits(found: Inference, copy: CoarseCopy) -> Limits:
+    """Return the smallest faults that the images would tell."""
+    return Limits.of(detection_limits(found), copy.frames[0])
 
 
 def _emission(found: Inference, copy: CoarseCopy, grid: VoxelGrid) -> NDArray[np.float32]:

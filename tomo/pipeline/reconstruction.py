@@ -58,6 +58,8 @@ class Reconstruction:
         cameras that were ``excluded``; None where it was not looked for.
     findings : tuple of Finding
         What is wrong with cameras and gas, the gravest first.
+    detection_limits : mapping, optional
+        The smallest faults that the images would tell, see `tomo.pipeline.limits.Limits.report`.
     depth_of_field : mapping, optional
         How it was modelled, see `tomo.pipeline.depth_of_field`; None where lenses were pinholes.
     refinement, gains : mapping, optional
@@ -99,6 +101,7 @@ class Reconstruction:
     carving: Mapping[str, Any] = field(default_factory=dict)
     screening: Mapping[str, Any] | None = None
     findings: tuple[Finding, ...] = ()
+    detection_limits: Mapping[str, Any] | None = None
     depth_of_field: Mapping[str, Any] | None = None
     refinement: Mapping[str, Any] | None = None
     refined_rig: Rig | None = None

@@ -39,6 +39,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "carving": dict(outcome.carving),
         "screening": outcome.screening,
         "findings": [one.report() for one in outcome.findings],
+        "detection_limits": outcome.detection_limits,
         "depth_of_field": outcome.depth_of_field,
         "refinement": outcome.refinement,
         "gains": outcome.gains,

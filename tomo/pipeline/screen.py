@@ -13,6 +13,7 @@ from tomo.measurement import NoiseModel, estimate_noise
 from tomo.measurement.pixel_check import PixelCheck, check_pixels
 from tomo.model import Corrections
 from tomo.operators.view_gains import Gains
+from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
@@ -67,6 +68,8 @@ class ScreenedScan:
         The images that were put in their places, one after the other.
     emission : (nx, ny, nz) float32, optional
         A quick volume, of gas that absorbs its own light.
+    limits : Limits, optional
+        The smallest faults that these images would tell; None where that was not asked for.
     record : Record
     """
 
@@ -84,6 +87,7 @@ class ScreenedScan:
     excluded: tuple[str, ...] = ()
     places: tuple[Place, ...] = ()
     emission: NDArray[np.float32] | None = None
+    limits: Limits | None = None
     record: Record = Record()
 
     @property

@@ -40,6 +40,7 @@ def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         ("carving", "Pixels and voxels left out"),
         ("depth_of_field", "Depth of field"),
         ("gains", "Gains and backgrounds"),
+        ("detection_limits", "Smallest faults that these images would tell"),
         ("learned", "Learned weights"),
         ("projector", "Projector"),
         ("basis", "Basis"),
@@ -52,6 +53,8 @@ def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
         values = report.get(key)
         if key == "gains" and values:
             tables.append((title, _gains(values)))
+        elif key == "detection_limits" and values:
+            tables.append((title, _limits(values)))
         elif isinstance(values, Mapping) and values:
             lines = [(str(k).replace("_", " "), in_words(v)) for k, v in values.items()]
             tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
@@ -73,6 +76,21 @@ def _gains(gains: Mapping) -> list[tuple[str, str]]:
         )
         lines.append((name, f"gain {gain}, background {background}"))
     return lines
+
+
+def _limits(limits: Mapping) -> list[tuple[str, str]]:
+    """Return a line for each camera, and what is not told apart."""
+    lines = []
+    for name, one in limits["cameras"].items():
+        known = {key: value for key, value in one.items() if value is not None}
+        units = {"shift": " px", "roll": "°"}
+        said = [
+            f"{key} {value:.2g}{units[key]}" if key in units else f"{key} {value:.1%}"
+            for key, value in known.items()
+        ]
+        lines.append((name, ", ".join(said)))
+    pairs = "; ".join(" with ".join(pair) for pair in limits["alike"])
+    return [*lines, ("not told apart", pairs)] if pairs else lines
 
 
 def _error(value: float | None) -> str:

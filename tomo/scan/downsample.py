@@ -53,7 +53,7 @@ class Coarser:
             replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig)),
             tuple(image for image, _ in pairs),
             tuple(mask for _, mask in pairs),
-            _coarser_grid(grid, factor),
+            coarser_grid(grid, factor),
             factor,
         )
 
@@ -85,7 +85,7 @@ def _pixels_on(camera: CameraLike, grid: VoxelGrid) -> float:
     return float((high - low).prod())
 
 
-def _coarser_grid(grid: VoxelGrid, factor: int) -> VoxelGrid:
+def coarser_grid(grid: VoxelGrid, factor: int) -> VoxelGrid:
     """Return the grid of the same box with voxels about ``factor`` times as large."""
     shape = [max(round(n / factor), 1) for n in grid.shape]
     return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)

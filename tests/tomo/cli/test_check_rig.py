@@ -189,3 +189,25 @@ def test_a_scan_file_is_known_by_its_format_whatever_it_is_called(run_tool, tmp_
     done = run_tool("check_rig", renamed, "--no-time", "--json")
     assert done.exit_code == 0, done.stderr
     assert json.loads(done.stdout)["estimate"]["voxels"] == 4 * 6 * 4
+
+
+def test_it_says_how_small_a_fault_images_would_tell(run_tool, rig_file):
+    done = run_tool("check_rig", rig_file, "--no-time", "--json", "--noise", 0.01)
+    assert done.exit_code == 0, done.stderr
+    limits = json.loads(done.stdout)["detection_limits"]
+    assert list(limits["cameras"]) == [f"cam{k:02d}" for k in range(7)]
+    one = limits["cameras"]["cam03"]
+    assert 0.02 < one["shift"] < 2
+    assert 0.002 < one["gain"] < 0.2
+    noisy = json.loads(
+        run_tool("check_rig", rig_file, "--no-time", "--json", "--noise", 0.1).stdout
+    )
+    assert noisy["detection_limits"]["cameras"]["cam03"]["gain"] > one["gain"]
+    words = run_tool("check_rig", rig_file, "--no-time", "--noise", 0.01)
+    assert "Smallest faults" in words.stdout
+
+
+def test_limits_ask_for_noise_that_can_be(run_tool, rig_file):
+    done = run_tool("check_rig", rig_file, "--no-time", "--noise", 2)
+    assert done.exit_code == 2
+    assert "--noise: found 2, expected a fraction between 0 and 1" in done.stderr
