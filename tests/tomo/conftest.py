@@ -162,7 +162,7 @@ def filled(attributes):
             }
             own |= {name: values[place] for name, values in figures.items()}
             by_camera = {name: own.pop(name) for name in CAMERA_FIGURES if name in own}
-            results.append(FrameResult(None, None, own, by_camera))
+            results.append(FrameResult(None, own, by_camera))
         store.finish(range(count), results)
         return store
 
