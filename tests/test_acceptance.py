@@ -40,13 +40,14 @@ def test_a_real_plume_predicts_the_camera_left_out(run_tool, test_data, tmp_path
         "reconstruct", str(test_data / "scalarflow" / "transforms.json"), "--frame", frame,
         "--hold-out", "cam02", "--scale", "6", "--grid", "64x96x64",
         "--lower", "0.0818,-0.0446,-0.4958", "--upper", "0.5727,0.6917,-0.0049",
-        "--no-pictures", "--uncertainty", "0", "-o", str(tmp_path / "plume"), "--json",
+        "--no-pictures", "--uncertainty", "0", "--peak", "1", "-o", str(tmp_path / "plume"),
+        "--json",
     )  # fmt: skip
     assert found.exit_code == 0
     report = json.loads(found.stdout)
     assert report["solver"]["chosen_by"] == "auto"
     figures = report["held_out"]["cam02"]
-    assert figures["data_range"] == 1.0
+    assert report["peak"] == {"value": 1.0, "unit": "full scales", "origin": "stated"}
     assert figures["psnr"] >= 30.5
     assert figures["ssim"] >= 0.93
 

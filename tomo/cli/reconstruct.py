@@ -225,11 +225,12 @@ def _summary(report: dict, out: Path) -> str:
     if report["gains"]:
         lines.append(_of_gains(report["gains"]))
     for camera, figures in report["held_out"].items():
-        shown = {name: value for name, value in figures.items() if name != "data_range"}
-        lines.append(f"held out {camera}: {_figures(shown)}{_of_used(report['views'])}")
+        lines.append(f"held out {camera}: {_prediction(figures, report)}")
     if report["comparisons"]:
         lines += _comparison(report)
-    lines += [report["verdict"]["sentence"], f"open {out / 'report.html'}"]
+    said = "\n".join(report["warnings"])
+    more = [f"- {one}" for one in report["verdict"]["reasons"][1:] if one not in said]
+    lines += [report["verdict"]["sentence"], *more, f"open {out / 'report.html'}"]
     return "\n".join(lines)
 
 
@@ -242,6 +243,19 @@ def _of_gains(gains: dict) -> str:
         f"images divided by gains of {gains['gain'][lowest]:.3f} ({lowest}) to "
         f"{gains['gain'][highest]:.3f} ({highest}){errors}: report.json, gains"
     )
+
+
+def _prediction(figures: dict, report: dict) -> str:
+    """Return the figures of a held-out camera with their peak, and with its level fitted."""
+    from tomo.pipeline.peak import peak_in_words
+
+    names = ("psnr", "ssim", "cosine")
+    said = f"{_figures({n: figures.get(n) for n in names})}, peak {peak_in_words(report['peak'])}"
+    said, own = said + _of_used(report["views"]), figures["fitted"]
+    if own is not None:
+        said += f"; gain {_number(own['gain'])} and background {_number(own['background'])} "
+        said += f"fitted: {_figures({n: own.get(n) for n in names})}"
+    return said
 
 
 def _of_used(views: dict) -> str:

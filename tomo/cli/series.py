@@ -31,6 +31,8 @@ def check_output_store(path: Path, rig: Rig, source: object) -> None:
 
 def series_summary(report: dict[str, Any]) -> str:
     """Return a line on each of: the frames, held-out cameras, the verdict, the store."""
+    from tomo.pipeline.peak import peak_in_words
+
     figures = (
         ("relative_residual", "mean relative residual {:.4g}"),
         ("seconds_a_frame", "{:.2f} s a frame"),
@@ -41,6 +43,7 @@ def series_summary(report: dict[str, Any]) -> str:
     compared |= {f"held out {camera}": each for camera, each in report["held_out"].items()}
     for name, figures in compared.items():
         shown = ", ".join(f"{figure} {value:.4g}" for figure, value in figures.items())
+        shown += f", peak {peak_in_words(report['plan']['peak'])}" if "psnr" in figures else ""
         lines.append(f"{name}, mean: {shown}")
     lines.append(report["verdict"]["sentence"])
     lines.append(

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, NamedTuple
 
 
 @dataclass(frozen=True)
@@ -18,10 +18,11 @@ class Finding:
     camera : str, optional
         The camera that has it; None where all share it.
     size : float
-        In ``unit``; for hidden pixels their fraction.
+        In ``unit``; for pixels left out their fraction.
     error : float, optional
-        What exact cameras make of the same size, one standard deviation.
+        What exact cameras make of the same size, one standard deviation, in ``unit``.
     unit : str
+        ``%`` stands for fractions.
     score : float
         How far the size exceeds what exact cameras make: 1 is the limit.
     corrected : bool
@@ -29,7 +30,9 @@ class Finding:
     consequence : float, optional
         What the effect changes of the camera's image, relative to it, root mean square.
     other : str, optional
-        Another camera that is concerned.
+        Another camera that is concerned, or how an image is turned.
+    line : str, optional
+        What to write into the scan file, of all cameras with this effect.
     """
 
     effect: str
@@ -41,91 +44,146 @@ class Finding:
     corrected: bool = True
     consequence: float | None = None
     other: str | None = None
+    line: str | None = None
 
-    @property
-    def sentence(self) -> str:
-        """What was found, what it means, and what to do."""
-        what = WORDS[self.effect][0]
-        who = "all cameras" if self.camera is None else f"camera {self.camera}"
-        text = what.format(who=who, size=self._size, other=self.other)
-        done = "corrected" if self.corrected else "not corrected"
-        if self.effect in LEFT_OUT:
-            done = "left out" if self.corrected else "it still takes part"
-        return f"{text}: {done}. {self.step}"
+    @classmethod
+    def of(cls, report: Mapping[str, Any]) -> Finding:
+        """Return the finding that `report` made plain values of."""
+        return cls(**{one.name: report[one.name] for one in fields(cls) if one.name in report})
 
     @property
     def step(self) -> str:
         """What to do."""
-        return WORDS[self.effect][1].format(camera=self.camera, other=self.other)
+        step = WORDS[self.effect][1].format(camera=self.camera, other=self.other)
+        if self.line is None:
+            return step
+        return f"{step}, or write into scan.yaml, in place of what is there: {self.line}"
 
     @property
-    def _size(self) -> str:
-        if self.unit == "%":
-            return f"{100 * self.size:.1f} %"
-        size = f"{self.size:.2g}" if abs(self.size) < 10 else f"{self.size:.0f}"
-        unit = f" {self.unit}" if self.unit else ""
-        error = "" if self.error is None else f" ± {self.error:.1g}"
-        return f"{size}{error}{unit}"
+    def leaves_doubt(self) -> bool:
+        """Whether a volume may be wrong by it all the same."""
+        return not self.corrected or self.effect in IN_DOUBT
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""
-        return {**asdict(self), "sentence": self.sentence, "step": self.step}
+        (said,) = together([self])
+        return {**asdict(self), "sentence": said.sentence, "step": self.step}
 
 
-LEFT_OUT = ("hidden", "scatter", "saturation", "dark")
+class Said(NamedTuple):
+    """Findings in words: what was found and done, and what to do."""
+
+    text: str
+    step: str
+
+    @property
+    def sentence(self) -> str:
+        """All of it."""
+        return f"{self.text}. {self.step}"
+
+
+def together(findings: Iterable[Finding]) -> list[Said]:
+    """Return findings in words, in their order; cameras with the same fault share a sentence."""
+    groups: dict[tuple, list[Finding]] = {}
+    for one in findings:
+        alone = one.other if one.other is not None else one.camera is None
+        groups.setdefault((one.effect, one.corrected, alone), []).append(one)
+    return [_in_words(group) for group in groups.values()]
+
+
+def _in_words(group: list[Finding]) -> Said:
+    most = max(group, key=lambda one: abs(one.size))
+    who, size = "all cameras" if most.camera is None else f"camera {most.camera}", _size(most)
+    if len(group) > 1:
+        who, size = f"{len(group)} cameras, {most.camera} most", f"up to {size}"
+        if len(group) <= MOST_NAMED:
+            who = f"cameras {', '.join(str(one.camera) for one in group)}"
+    done = "left out" if most.effect in LEFT_OUT else "corrected"
+    text = WORDS[most.effect][0].format(who=who, size=size, other=most.other)
+    text += f": {done if most.corrected else f'not {done}'}"
+    return Said(text, most.step)
+
+
+def _size(one: Finding) -> str:
+    """Return size, error and unit as text."""
+    factor = 100 if one.unit == "%" else 1
+    size = f"{factor * one.size:.1f}" if one.unit else f"{one.size:.2g}"
+    error = "" if one.error is None else f" ± {factor * one.error:.1g}"
+    return f"{size}{error} {one.unit}".rstrip()
+
+
+MOST_NAMED = 4
+"""Cameras of a line that are named; of more the worst is, and report.json has all."""
+
+LEFT_OUT = ("hidden", "scatter", "saturation", "bad pixels", "dark", "same image")
 """Effects that are not corrected but left out."""
 
+IN_DOUBT = ("hidden", "scatter", "saturation", "dark", "same image", "outside", "absorption")
+"""Effects after which a volume is in doubt though it was made without them: pixels or views are
+missing, or what was corrected was not measured."""
+
+_LOOK = (
+    "Look at the image beside its re-projection, and mask what is no flame (scan.yaml, "
+    "corrections: mask)"
+)
+
 WORDS: Mapping[str, tuple[str, str]] = {
-    "gain": (
-        "{who}: its gain is {size} off what the others say",
-        "Check its exposure and aperture, or write its gain into scan.yaml (corrections: gain)",
-    ),
+    "gain": ("{who}: gain {size} off what the others say", "Check exposure and aperture"),
     "background": (
-        "{who}: a background of {size} of the brightest light lies on the image",
-        "Subtract it, see the line on the dark level",
+        "{who}: a background of {size} of the brightest light",
+        "Check the dark frames (scan.yaml, corrections: dark)",
+    ),
+    "below zero": (
+        "{who}: dark regions {size} of the brightest light below zero, too much was subtracted "
+        "as dark and the volume is too faint",
+        "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)",
     ),
     "pose": (
-        "{who}: its pose is off, it looks {size} beside where the rig says",
-        "Calibrate it again, or run with --refine-cameras",
+        "{who}: pose off, pointing {size} beside where the rig says",
+        "Calibrate again, or run with --refine-cameras",
     ),
     "magnification": (
-        "{who}: its image is magnified by {size} more than the rig says",
-        "Check its focal length and focus, and calibrate it again",
+        "{who}: images magnified by {size} more than the rig says",
+        "Check focal length and focus, and calibrate again",
     ),
     "blur": (
-        "{who}: its image is blurred by {size} (standard deviation): out of focus, or in motion",
-        "Check its focus, and expose shorter",
+        "{who}: images blurred by {size} (standard deviation), out of focus or in motion",
+        "Check the focus, and expose shorter",
     ),
     "fall-off": (
         "{who}: images darken towards their corners, by {size} there (vignetting)",
         "Take a flat field and name it in scan.yaml (corrections: flat)",
     ),
     "absorption": (
-        "the gas absorbs: optical depth {size}",
+        "the gas absorbs, optical depth {size}",
         "If the gas is transparent, reconstruct with --no-fit-absorption; else measure it",
     ),
     "outside": (
-        "the grid cuts the flame: {size} of the light comes from outside it",
+        "the grid cuts the flame, {size} of the light comes from outside it",
         "Enlarge the grid (--lower and --upper, or --grid), or mask or subtract that light",
     ),
     "hidden": (
-        "{who}: {size} of its pixels are darker than the others say: something hides the flame",
-        "Look at the image beside its re-projection, and mask what is no flame (scan.yaml, "
-        "corrections: mask)",
+        "{who}: {size} of the pixels are darker than the others say, something hides the flame",
+        _LOOK,
     ),
     "scatter": (
-        "{who}: {size} of its pixels are brighter than any volume explains: light is reflected or "
-        "scattered, or the flame is that of another moment",
-        "Look at the image beside its re-projection, and mask what is no flame (scan.yaml, "
-        "corrections: mask)",
+        "{who}: {size} of the pixels are brighter than any volume explains, light is reflected "
+        "or scattered, or the flame is that of another moment",
+        _LOOK,
     ),
     "saturation": (
-        "{who}: its image is cut off at {size}",
-        "Expose camera {camera} shorter",
+        "{who}: images cut off at {size}, saturation: more pixels have that value than lie just "
+        "below it",
+        "Expose shorter, or give the level in scan.yaml (corrections: saturation)",
     ),
-    "dark": (
-        "{who}: its image has no light: a cap, a closed shutter, or a wrong file",
-        "Check camera {camera}",
+    "bad pixels": (
+        "{who}: {size} of the pixels are outliers",
+        "Mask what is not single pixels (scan.yaml, corrections: mask)",
+    ),
+    "dark": ("{who}: no light, a cap, a closed shutter, or a wrong file", "Check camera {camera}"),
+    "same image": (
+        "{who}: its image is that of camera {other} too",
+        "Check the files of cameras {camera} and {other}",
     ),
     "order": (
         "{who}: its image is that of camera {other}",

@@ -14,9 +14,6 @@ from tomo.measurement.noise_model import NoiseModel, estimate_noise
 from tomo.measurement.outlier_pixels import find_outlier_pixels
 from tomo.measurement.saturation import cut_off_level
 
-NOTEWORTHY = 1e-3
-"""Fraction of a view's pixels that are outliers, above which a warning names the camera."""
-
 
 @dataclass(frozen=True, eq=False)
 class PixelCheck:
@@ -45,52 +42,6 @@ class PixelCheck:
     below_zero: Mapping[str, float] = field(default_factory=dict)
     background: Mapping[str, float] = field(default_factory=dict)
     saturated: Mapping[str, float] = field(default_factory=dict)
-
-    @property
-    def warnings(self) -> list[str]:
-        """One line for each finding that the user should act on."""
-        return [*self._saturation(), *self._background(), *self._outliers(), *self._below_zero()]
-
-    def _saturation(self) -> list[str]:
-        return [
-            f"camera {name}: its image is cut off at {level:.3g}, saturation: more pixels have "
-            "that value than lie just below it. They are left out. Expose it shorter, or give the "
-            "level in scan.yaml: corrections: saturation"
-            for name, level in self.saturated.items()
-        ]
-
-    def _background(self) -> list[str]:
-        if not self.background:
-            return []
-        worst = max(self.background, key=self.background.__getitem__)
-        return [
-            f"{len(self.background)} of {len(self.outliers)} cameras' images have a uniform "
-            f"background, camera {worst} the highest ({self.background[worst]:.3g}). Subtract it, "
-            "see the line on the dark level"
-        ]
-
-    def _outliers(self) -> list[str]:
-        fractions = {name: n / max(self.usable[name], 1) for name, n in self.outliers.items()}
-        worst = max(fractions, key=fractions.__getitem__, default=None)
-        if worst is None or fractions[worst] <= NOTEWORTHY:
-            return []
-        total = sum(self.outliers.values()) / max(sum(self.usable.values()), 1)
-        return [
-            f"{total:.2%} of the pixels are outliers, camera {worst} has most "
-            f"({fractions[worst]:.2%}): excluded. Mask what is not single pixels (scan.yaml, "
-            "corrections: mask)"
-        ]
-
-    def _below_zero(self) -> list[str]:
-        if not self.below_zero:
-            return []
-        worst = max(self.below_zero, key=self.below_zero.__getitem__)
-        return [
-            f"dark regions of {len(self.below_zero)} of {len(self.outliers)} cameras' images lie "
-            f"below zero, camera {worst}'s most (by {self.below_zero[worst]:.3g}). Too much was "
-            "subtracted as dark, and the volume is too faint. Check the dark frames, or lower the "
-            "dark level in scan.yaml (corrections: dark) by that much"
-        ]
 
     def report(self) -> dict[str, Any]:
         """Return plain numbers for report.json: counts, and levels in image units, by camera."""

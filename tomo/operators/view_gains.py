@@ -9,12 +9,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.operators.operator import ProjectionOperator
-
-SIGNIFICANT = 3.0
-"""Standard errors above which scatter counts as real: fewer correct noise, more keep true
-gains."""
-
 NOTEWORTHY = 0.005
 """Relative scatter below which gains are not corrected: it is below the error of most cameras."""
 
@@ -38,9 +32,7 @@ class Gains:
 
     Notes
     -----
-    A pixel of view ``v`` shows ``b = g_v (A x) + o_v``. `apply` takes projections to images,
-    `correct` takes images back, ``(b - o_v) / g_v``, so that solvers see the linear model ``A x``;
-    pixels of weight ``w`` are then worth ``w g_v²``.
+    A pixel of view ``v`` shows ``b = g_v (A x) + o_v``; corrected images are ``(b - o_v) / g_v``.
     """
 
     gain: NDArray[np.float64]
@@ -62,23 +54,6 @@ class Gains:
         low, high = self.gain.min(initial=1.0), self.gain.max(initial=1.0)
         return f"<Gains: {len(self.gain)} views, {low:.3f} to {high:.3f}>"
 
-    def apply(self, projector: ProjectionOperator, projected: ArrayLike) -> NDArray[np.float32]:
-        """Return the pixels that the cameras show: ``g_v (A x) + o_v``, ``(pixels,)``."""
-        gain, offset = self._of_pixels(projector)
-        return (gain * np.asarray(projected) + offset).astype(np.float32)
-
-    def correct(self, projector: ProjectionOperator, measured: ArrayLike) -> NDArray[np.float32]:
-        """Return the pixels of cameras of gain 1 without background: ``(b - o_v) / g_v``."""
-        gain, offset = self._of_pixels(projector)
-        return ((np.asarray(measured) - offset) / gain).astype(np.float32)
-
-    def correct_weights(
-        self, projector: ProjectionOperator, weights: NDArray[np.float32]
-    ) -> NDArray[np.float32]:
-        """Return the weights of corrected pixels: ``w g_v²``."""
-        gain, _ = self._of_pixels(projector)
-        return (gain**2 * weights).astype(np.float32)
-
     @property
     def disagreement(self) -> float:
         """RMS of the gains' logarithms over the views that could be fitted."""
@@ -94,11 +69,3 @@ class Gains:
             "offset_error": dict(zip(names, self.offset_error.tolist(), strict=True)),
             "disagreement": self.disagreement,
         }
-
-    def _of_pixels(self, projector: ProjectionOperator) -> tuple[NDArray, NDArray]:
-        counts = np.diff(projector.view_ptr)
-        if len(counts) != len(self.gain):
-            raise ValueError(
-                f"gains: found {len(self.gain)}, expected one for each of {len(counts)} views"
-            )
-        return np.repeat(self.gain, counts), np.repeat(self.offset, counts)

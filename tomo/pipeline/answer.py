@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from tomo.pipeline.view import View
+from tomo.pipeline.view import SURE, View
 
 EXPLAINED, PARTLY, NOT_EXPLAINED, UNKNOWN_VERDICT = VERDICTS = (
     "explained",
@@ -16,21 +16,9 @@ EXPLAINED, PARTLY, NOT_EXPLAINED, UNKNOWN_VERDICT = VERDICTS = (
     "not known",
 )
 
-UNKNOWN = (
-    "no cause that was tested explains it: the flame may have moved between exposures, or voxels "
-    "are too large for it"
-)
-"""What is said where nothing was found wrong."""
-
-NEGLIGIBLE = 0.04
-"""Largest residual beyond noise, as a fraction of the view, at which it is explained: voxels leave
-so much of sharp edges in clean images. Lower: faultless scenes are not explained."""
-
 HARMFUL = 0.10
-"""Residual beyond noise, as a fraction of the view, from which it is not explained."""
-
-MOST_TIMES = 20.0
-"""Ratio of residual to noise above which the ratio is not said: nearly clean images."""
+"""Fraction of an image, or of the emission, up to which an error is good. Lower: voxels leave more
+of sharp edges; higher: a camera that is a pixel off."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +35,7 @@ class Answer:
     views : int
         How many took part.
     excluded : tuple of str
-        The cameras that were left out because the others contradict them.
-    causes : tuple of str
-        What the stages found that may be wrong, where not everything is explained.
+        The cameras that were left out.
     missed : float
         Root mean square over the views of their residuals beyond noise, each relative to its view.
     """
@@ -58,44 +44,29 @@ class Answer:
     worst: View | None = None
     views: int = 0
     excluded: tuple[str, ...] = ()
-    causes: tuple[str, ...] = ()
     missed: float = 0.0
 
     @property
     def sentence(self) -> str:
         """The answer in one sentence."""
-        if self.worst is None:
+        worst = self.worst
+        if worst is None:
             return "Not known: there is no image with light to compare the volume with."
-        worst, without = self.worst, ""
-        if self.excluded:
-            contradicted = "them" if len(self.excluded) > 1 else "it"
-            without = f", without {_cameras(self.excluded)} (the other views contradict "
-            without += f"{contradicted})"
-        figures = f"residual {_percent(worst.relative_residual)}, noise "
-        figures += _percent(worst.relative_noise)
+        without = f", without {_cameras(self.excluded)}" if self.excluded else ""
+        noise = f"noise is {percent(worst.relative_noise)}"
         if self.verdict == EXPLAINED:
-            rest = ""
-            if worst.beyond_noise:
-                rest = f", but for at most {_percent(worst.beyond_noise)} of an image"
+            images = "the image" if self.views == 1 else f"the images of all {self.views} cameras"
             return (
-                f"Explained: the volume reproduces {self._images} up to their noise{rest}"
-                f"{without}; least well that of camera {worst.name} ({figures})."
+                f"Explained: the volume reproduces {images} up to the noise{without}; least well "
+                f"that of camera {worst.name}, where the residual is "
+                f"{percent(worst.relative_residual)}, {noise}."
             )
-        begin = "Not explained" if self.verdict == NOT_EXPLAINED else f"Explained {self._how_far}"
-        return (
-            f"{begin}: up to {_percent(worst.beyond_noise)} of an image stays unexplained beyond "
-            f"its noise, {_percent(self.missed)} of all images{without}"
-            + (f"; likely causes: {'; '.join(self.causes)}." if self.causes else f"; {UNKNOWN}.")
-        )
-
-    @property
-    def _how_far(self) -> str:
-        times = self.worst.residual_over_noise if self.worst else math.inf
-        return f"within {times:.1f} times the noise" if times <= MOST_TIMES else "in part"
-
-    @property
-    def _images(self) -> str:
-        return "the image" if self.views == 1 else f"the images of all {self.views} cameras"
+        if not worst.beyond_noise:
+            missed = f"details finer than voxels, {percent(worst.relative_residual)} of an image"
+        else:
+            missed = f"{percent(worst.beyond_noise)} of an image, {percent(self.missed)} of all"
+        begin = "Explained but for" if self.verdict == PARTLY else "Not explained:"
+        return f"{begin} {missed}{without}; {noise}."
 
     def report(self) -> dict[str, Any]:
         """Return ``report.json``'s ``answer``."""
@@ -107,7 +78,6 @@ class Answer:
             "residual_over_noise": worst.residual_over_noise if worst else None,
             "beyond_noise": worst.beyond_noise if worst else None,
             "beyond_noise_of_all": self.missed if worst else None,
-            "causes": list(self.causes),
         }
 
 
@@ -118,20 +88,19 @@ def answer_of(outcome: Any) -> Answer:
     worst = worst_view(views)
     if worst is None:
         return Answer(UNKNOWN_VERDICT, views=len(views), excluded=excluded)
-    verdict = verdict_of(worst)
-    causes = () if verdict == EXPLAINED else tuple(one.sentence for one in outcome.findings)
     beyond = [view.beyond_noise for view in views if math.isfinite(view.beyond_noise)]
     missed = math.sqrt(math.fsum(one**2 for one in beyond) / len(beyond))
-    return Answer(verdict, worst, len(views), excluded, causes, missed)
+    return Answer(verdict_of(worst), worst, len(views), excluded, missed)
 
 
 def verdict_of(view: View) -> str:
     """Return whether one view is explained, from its residual and its own noise."""
     if not math.isfinite(view.beyond_noise):
         return UNKNOWN_VERDICT
-    if view.beyond_noise <= NEGLIGIBLE:
-        return EXPLAINED
-    return NOT_EXPLAINED if view.beyond_noise > HARMFUL else PARTLY
+    if view.beyond_noise > HARMFUL:
+        return NOT_EXPLAINED
+    is_noise = not view.beyond_noise and not view.residual_over_noise > SURE
+    return EXPLAINED if is_noise or not view.relative_residual else PARTLY
 
 
 def worst_view(views: Sequence[View]) -> View | None:
@@ -140,14 +109,15 @@ def worst_view(views: Sequence[View]) -> View | None:
     The verdict comes first, then the residual beyond noise.
     """
     lit = [view for view in views if math.isfinite(view.beyond_noise)]
-    order = {EXPLAINED: 0, PARTLY: 1, NOT_EXPLAINED: 2}
-    return max(lit, key=lambda one: (order[verdict_of(one)], one.beyond_noise), default=None)
+    return max(
+        lit, key=lambda one: (VERDICTS.index(verdict_of(one)), one.beyond_noise), default=None
+    )
+
+
+def percent(fraction: float) -> str:
+    """Return a fraction in per cent, to two digits or a tenth."""
+    return f"{fraction:.0%}" if fraction >= 0.0995 else f"{fraction:.1%}"
 
 
 def _cameras(names: Sequence[str]) -> str:
     return ("cameras " if len(names) > 1 else "camera ") + ", ".join(names)
-
-
-def _percent(fraction: float) -> str:
-    """Return a fraction of the image in per cent, to two digits or a tenth."""
-    return f"{fraction:.0%}" if fraction >= 0.0995 else f"{fraction:.1%}"

@@ -76,7 +76,7 @@ def assemble(
         solution=replace(evaluated.solution, peak_memory=peak_memory()),
         rig=scan.rig,
         views=evaluated.views,
-        data_range=evaluated.data_range,
+        peak=evaluated.peak,
         truth=stages.reference.truth,
         comparisons=evaluated.comparisons,
         compared=evaluated.compared,

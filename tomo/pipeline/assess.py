@@ -59,7 +59,6 @@ def assess(
                 seed=options.seed,
                 progress=progress,
             )
-            stage.warnings += [f"not to be trusted: {doubt}" for doubt in uncertainty.warnings]
         stage.warnings += _unseen_warning(unseen, options.unseen)
     return Assessed(uncertainty, unseen, stage.record)
 

@@ -11,6 +11,7 @@ from tomo.operators import LINEAR, VOXEL, choose_form
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named, method_names
 from tomo.pipeline.options import Options
+from tomo.pipeline.peak import check_peak
 from tomo.scan import Scan
 from tomo.selfcal.refine.search import FEWEST
 from tomo.uncertainty import AUTO_REPEATS
@@ -44,6 +45,7 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
     if options.aperture_rays > 1:
         _check_aperture(options, scan)
     cameras_to_refine(options, scan)
+    check_peak(options, scan)
     if grid is None:
         raise ValueError(
             f"{scan.source}: grid: found none in the scan or its rig, expected one: "

@@ -104,17 +104,18 @@ class CoarseCopy:
         active = _not_dark(coarse) if carving else None
         return cls(tuple(coarse), factor, power, levels, active)
 
+    @property
+    def units(self) -> dict[str, float]:
+        """Factors by which effects of the copy become those of the images, where they differ."""
+        return {"pose": self.factor, "blur": self.factor**2, "background": 2.0**self.power}
+
     def recorded(
         self, values: Mapping[str, NDArray[np.float64]]
     ) -> dict[str, NDArray[np.float64]]:
         """Return effects found on the copy as effects of the images as they are."""
-        found = {name: np.array(one) for name, one in values.items()}
+        found = {name: self.units.get(name, 1) * one for name, one in values.items()}
         if "background" in found:
-            found["background"] *= 2.0**self.power
             found["background"][:, 0] += self.levels / np.exp(found["gain"][:, 0])
-        for name, order in (("pose", 1), ("blur", 2)):  # lengths, and squares of lengths
-            if name in found:
-                found[name] *= self.factor**order
         return found
 
     def enlarged(self, pixels: NDArray[np.bool_], shape: tuple[int, int]) -> NDArray[np.bool_]:

@@ -6,10 +6,10 @@ pixels with the others, and from there on seen here alone.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,11 +23,13 @@ from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_options import may_learn
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
+from tomo.pipeline.peak import Peak, peak_of
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.trace import blind_warnings, through_gas
 from tomo.pipeline.view import View, quality
+from tomo.rays.visible_pixels import pixels_that_see
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
 from tomo.solvers import Solution
@@ -68,10 +70,10 @@ class Evaluated:
     comparisons : tuple of Solution
     views : tuple of View
         One a camera, in the rig's order.
-    data_range : float
-        The peak for PSNR and SSIM, see `data_range`.
+    peak : Peak
+        For PSNR and SSIM.
     compared : tuple of mappings
-        For each comparison, by held-out camera: the figures of `View.similarity`.
+        For each comparison, by held-out camera: those of `View.held_out_figures`.
     learned : LearnedWeights, optional
         The learned weights over the segment lengths.
     record : Record
@@ -80,8 +82,8 @@ class Evaluated:
     solution: Solution
     comparisons: tuple[Solution, ...]
     views: tuple[View, ...]
-    data_range: float
-    compared: tuple[Mapping[str, Mapping[str, float]], ...] = ()
+    peak: Peak
+    compared: tuple[Mapping[str, Mapping[str, Any]], ...] = ()
     learned: LearnedWeights | None = None
     record: Record = Record()
 
@@ -144,21 +146,29 @@ def evaluate(
 ) -> Evaluated:
     """Compare the volume with the truth and its re-projections with the images."""
     views, learned = [], None
-    spread = data_range(loaded.scan, loaded.frame, screened.not_excluded)
-    alike: list[Mapping[str, Mapping[str, float]]] = [{} for _ in compared.solutions]
+    peak = peak_of(loaded.scan, loaded.frame, [loaded.images], counted(loaded, screened), options)
+    alike: list[Mapping[str, Mapping[str, Any]]] = [{} for _ in compared.solutions]
     with timed() as stage:
         if apart is not None:
             stage.warnings += blind_warnings(apart)
         with as_warning("re-projected images: not found", stage.warnings):
             found, built = solved.solution, solved.built
             system = solved.system
-            views += views_of(system.on_voxel_means, found.volume, screened.images, screened.masks)
+            views += views_of(
+                system.on_voxel_means,
+                found.volume,
+                screened.images,
+                screened.masks,
+                in_sight=pixels_in_sight(system),
+            )
             views += _views_apart(apart, solved, screened, options)
             if found.weights is not None:
                 learned = _summary(built.system, system, found)
             for number, other in enumerate(compared.solutions if options.hold_out else ()):
                 seen = _views_apart(apart, replace(solved, solution=other), screened, options)
-                alike[number] = {v.name: v.similarity(spread) for v in seen if v.held_out}
+                alike[number] = {
+                    v.name: v.held_out_figures(peak.value) for v in seen if v.held_out
+                }
         order = loaded.scan.rig.names
         solutions = [
             replace(one, quality=quality(one.volume, reference.truth))
@@ -168,11 +178,20 @@ def evaluate(
         solutions[0],
         tuple(solutions[1:]),
         tuple(sorted(views, key=lambda view: order.index(view.name))),
-        spread,
+        peak,
         tuple(alike),
         learned,
         stage.record,
     )
+
+
+def counted(loaded: LoadedScan, screened: ScreenedScan) -> Masks:
+    """Return the pixels that a peak may be of: usable ones of cameras that were not excluded."""
+    masks = screened.pixels.masks if screened.pixels else loaded.masks
+    return [
+        mask & (name not in screened.excluded)
+        for name, mask in zip(loaded.scan.rig.names, masks, strict=True)
+    ]
 
 
 def views_of(
@@ -181,31 +200,36 @@ def views_of(
     images: Images,
     masks: Masks,
     gains: Gains | None = None,
+    in_sight: Masks | None = None,
 ) -> list[View]:
     """Return each camera's image beside the image that the volume would have shown it.
 
-    ``gains`` are those of images that are not corrected by them.
+    ``gains`` are those of images that are not corrected by them; ``in_sight`` are the pixels that
+    see the grid, see `pixels_in_sight`.
     """
     projected = system.projector @ system.projector.active.compress(volume)
     seen = system.images(projected)
     if gains is not None:  # pixels that see no active voxel show the background alone
         pairs = zip(seen, gains.gain, gains.offset, strict=True)
         seen = [(gain * image + offset).astype(np.float32) for image, gain, offset in pairs]
+    sights: Sequence[NDArray[np.bool_] | None] = in_sight or [None] * len(seen)
     return [
-        View(camera.name, image, reprojected, mask)
-        for camera, image, reprojected, mask in zip(system.rig, images, seen, masks, strict=True)
+        View(camera.name, image, reprojected, mask, in_sight=sight)
+        for camera, image, reprojected, mask, sight in zip(
+            system.rig, images, seen, masks, sights, strict=True
+        )
     ]
 
 
-def data_range(scan: Scan, frame: str | None, images: Images) -> float:
-    """Return 1, the full scale, of images in 8 bits; else the brightest pixel.
-
-    The usual peak of 8 bits is 255. Wider numbers are often wider than the camera's: the figure
-    would depend on how counts were stored.
-    """
-    if scan.in_8_bits(frame):
-        return 1.0
-    return max(max(float(image.max()) for image in images), float(np.finfo(np.float32).tiny))
+def pixels_in_sight(system: LinearSystem) -> Masks:
+    """Return which pixels of each camera may see the grid."""
+    found = []
+    for camera in system.rig:
+        width, height = camera.image_size
+        sight = np.zeros(height * width, bool)
+        sight[pixels_that_see(camera, system.projector.grid)] = True
+        found.append(sight.reshape(height, width))
+    return found
 
 
 def system_apart(
@@ -246,6 +270,7 @@ def _views_apart(
         solved.solution.volume,
         screened.apart_images,
         screened.apart_masks,
+        in_sight=pixels_in_sight(apart),
     )
     return [
         replace(

@@ -1,72 +1,184 @@
-"""What images say is wrong, as findings: effects that were found beside the voxels."""
+"""What images say is wrong, as findings: of single images, and of effects beside the voxels."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike
+from tomo._compute.reductions import dot, norm
 from tomo.inference.finding import Finding
+from tomo.inference.fit import Fit
 from tomo.inference.infer import Inference
-from tomo.inference.state import State
 from tomo.inference.steps import fraction_outside
-from tomo.model import Background, Corrections, Observation
+from tomo.measurement.pixel_check import PixelCheck
+from tomo.model import Background, Blur, Corrections, Gain, Observation
+from tomo.model.effect import Effect, Prediction
+from tomo.pipeline.coarse import CoarseCopy
+from tomo.scan.images import Images
+
+MANY = 1e-3
+"""Fraction of a view's pixels that are outliers, above which they are said: fewer are usual."""
 
 
 def findings_of(
-    found: Inference, corrections: Corrections, observation: Observation
+    found: Inference, copy: CoarseCopy, corrections: Corrections, whole: Observation, shrink: int
 ) -> list[Finding]:
-    """Return what is said of each effect that was let loose, the gravest first."""
-    said, names, state = [], corrections.names, found.state
+    """Return what is said of each effect that was let loose, the gravest first.
+
+    Parameters
+    ----------
+    found : Inference
+    copy : CoarseCopy
+        That it was found on.
+    corrections : Corrections
+        The same for the images as they are.
+    whole : Observation
+        These images.
+    shrink : int
+        Pixels as recorded along one of these images.
+    """
+    said: list[Finding] = []
     for effect in found.effects:
         values = corrections.values[effect.name]
-        score = found.scores.get(effect.name, np.zeros(len(names)))
-        if effect.shared and values.any():
-            size, most = float(values[0, 0]), float(score.max())
-            if effect.of_gas:
-                said.append(Finding("absorption", size=size, score=most))
-            else:
-                said.append(Finding(effect.name, size=size, unit="%", score=most))
-        elif not effect.shared:
-            free = state.free[effect.name].any(axis=1) | (effect.name == Background.name)
-            for view in np.flatnonzero(free & values.any(axis=1)):
-                camera = observation.rig[names[view]]
-                what, size, unit = _size(effect.name, values[view], camera, observation)
-                said.append(Finding(what, camera.name, size, unit=unit, score=float(score[view])))
-    for view in np.flatnonzero(state.hidden):
-        fraction = float(corrections.untrusted[names[view]].mean())
-        if fraction > 0:
-            what = "scatter" if _is_brighter(state, int(view)) else "hidden"
-            most = float(found.scores["hidden"][view])
-            said.append(Finding(what, names[view], fraction, unit="%", score=most))
+        loose = found.state.free[effect.name].any(axis=1) | (effect.name == Background.name)
+        if (loose[:, None] & (values != 0)).any():
+            said += _of_effect(effect, found, copy, values * loose[:, None], whole, shrink)
+    said += _left_out(found, corrections)
     if found.state.has_outside:
-        most = float(found.scores["outside"].max())
-        size = fraction_outside(state.fits)
-        said.append(Finding("outside", size=size, unit="%", score=most, corrected=False))
+        score, size = found.scores["outside"].max(), fraction_outside(found.state.fits)
+        said.append(
+            Finding("outside", None, size, None, "%", float(score), False, consequence=size)
+        )
     return sorted(said, key=lambda one: -one.score)
 
 
-def _is_brighter(state: State, view: int) -> bool:
-    """Return whether the pixels left out of a view are brighter than the volumes say."""
-    light = 0.0
-    for fit in state.fits:
+def _of_effect(
+    effect: Effect,
+    found: Inference,
+    copy: CoarseCopy,
+    values: NDArray[np.float64],
+    whole: Observation,
+    shrink: int,
+) -> Iterator[Finding]:
+    """Yield an effect with ``values`` ``(views, parameters)``, lengths in pixels as recorded."""
+    unit = copy.units.get(effect.name, 1.0)
+    scores = found.scores.get(effect.name, np.zeros(len(values)))
+    changes = _changes(effect, found.state.fits, values / unit)
+    errors = unit * found.spread.get(effect.name, np.full(values.shape[1], np.nan))
+    if effect.shared:
+        name, percent = ("absorption", "") if effect.of_gas else (effect.name, "%")
+        of_all = norm(changes) / math.sqrt(len(changes))
+        yield Finding(
+            name, None, float(values[0, 0]), _known(errors[0]), percent, float(scores.max()),
+            consequence=of_all,
+        )  # fmt: skip
+        return
+    for view in np.flatnonzero(values.any(axis=1)):
+        camera = whole.rig[copy.frames[0].rig.names[view]]
+        name, size, error, of = _size(effect.name, values[view], errors, camera, whole)
+        pixel = shrink if of == "px" else 1
+        yield Finding(
+            name, camera.name, float(pixel * size), _known(pixel * error), of,
+            float(scores[view]), consequence=float(changes[view]),
+        )  # fmt: skip
+
+
+def _left_out(found: Inference, corrections: Corrections) -> Iterator[Finding]:
+    """Yield the views of which pixels were left out that no effect explains."""
+    for view in np.flatnonzero(found.state.hidden):
+        name = corrections.names[view]
+        fraction = float(corrections.untrusted[name].mean())
+        if fraction > 0:
+            change, score = _without_pixels(found.state.fits, int(view)), found.scores["hidden"]
+            what = "scatter" if change > 0 else "hidden"
+            yield Finding(
+                what, name, fraction, None, "%", float(score[view]), consequence=abs(change)
+            )
+
+
+def findings_of_pixels(
+    pixels: PixelCheck | None, images: Images, said: Sequence[Finding]
+) -> list[Finding]:
+    """Return what single ``images`` show, as far as nothing is ``said`` of it."""
+    if pixels is None:
+        return []
+    known = {(one.effect, one.camera) for one in said}
+    dark = {one.camera for one in said if one.effect == "dark"}
+    brightest = max([float(image.max(initial=0.0)) for image in images] or [0.0]) or 1.0
+    found = [Finding("saturation", name, level) for name, level in pixels.saturated.items()]
+    for effect, levels in (("background", pixels.background), ("below zero", pixels.below_zero)):
+        found += [
+            Finding(effect, name, level / brightest, None, "%", corrected=False)
+            for name, level in levels.items()
+            if (effect, name) not in known and name not in dark
+        ]
+    fractions = {name: n / max(pixels.usable[name], 1) for name, n in pixels.outliers.items()}
+    return found + [
+        Finding("bad pixels", name, fraction, None, "%")
+        for name, fraction in fractions.items()
+        if fraction > MANY
+    ]
+
+
+def _changes(
+    effect: Effect, fits: Sequence[Fit], values: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return what an effect changes of each view's images, relative to these, ``(views,)``."""
+    changed, light = np.zeros((2, len(values)))
+    for fit in fits:
+        at = Prediction(fit.observation, fit.system, fit.unknowns.astype(np.float32))
+        ptr = fit.system.projector.view_ptr
+        of_view = np.repeat(np.arange(len(values)), np.diff(ptr))
+        change = np.einsum("pn,np->n", effect.columns(at), values[of_view])
+        changed += _squares(change, ptr)
+        light += _squares(at.pixels, ptr)
+    return np.sqrt(changed / np.maximum(light, 1e-300))
+
+
+def _squares(pixels: NDArray[np.float64], ptr: NDArray) -> NDArray[np.float64]:
+    """Return the sum of squares of every view, ``(views,)``."""
+    return np.array([dot(pixels[a:b], pixels[a:b]) for a, b in pairwise(ptr.tolist())])
+
+
+def _without_pixels(fits: Sequence[Fit], view: int) -> float:
+    """Return what pixels left out change of a view; above zero where they are brighter."""
+    light = changed = predicted = 0.0
+    for fit in fits:
         own = slice(*fit.system.projector.view_ptr[view : view + 2])
-        light += float(np.sum(fit.residual[own], where=~fit.usable[own]))
-    return light > 0
+        lost = np.where(fit.usable[own], 0.0, fit.residual[own])
+        light += float(lost.sum())
+        changed += dot(lost, lost)
+        predicted += norm(fit.measured[own] - fit.residual[own]) ** 2
+    return math.copysign(math.sqrt(changed / max(predicted, 1e-300)), light)
 
 
 def _size(
-    effect: str, values: NDArray[np.float64], camera: CameraLike, observation: Observation
-) -> tuple[str, float, str]:
-    """Return what an effect of one camera is called, its size and unit."""
-    if effect == "gain":
-        return effect, float(np.expm1(values[0])), "%"
-    if effect == "background":
-        return effect, float(values[0]) / observation.brightest, "%"
-    if effect == "blur":
-        return effect, float(np.sqrt(values[0])), "px"
-    zoom = abs(values[3])
-    if zoom > np.abs(np.delete(values, 3)).max():
+    effect: str,
+    values: NDArray[np.float64],
+    errors: NDArray[np.float64],
+    camera: CameraLike,
+    whole: Observation,
+) -> tuple[str, float, float, str]:
+    """Return what an effect of one camera is called, its size, its error and their unit."""
+    if effect == Gain.name:
+        gain = math.exp(values[0])
+        return effect, gain - 1, gain * errors[0], "%"
+    if effect == Background.name:
+        return effect, values[0] / whole.brightest, errors[0] / whole.brightest, "%"
+    if effect == Blur.name:
+        size = math.sqrt(values[0])
+        return effect, size, errors[0] / (2 * size), "px"
+    if abs(values[3]) > np.abs(np.delete(values, 3)).max():
         radius = min(camera.image_size) / 2
-        return "magnification", float(np.expm1(values[3] / radius)), "%"
-    return effect, float(np.linalg.norm(values)), "px"
+        return "magnification", math.expm1(values[3] / radius), errors[3] / radius, "%"
+    size = norm(values)
+    return effect, size, norm(values * errors) / size, "px"
+
+
+def _known(error: float) -> float | None:
+    return None if math.isnan(error) else float(error)

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.inference.finding import Finding
+from tomo.inference.finding import Finding, together
 from tomo.inference.infer import Inference, infer
 from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
@@ -28,14 +28,14 @@ from tomo.model import (
 from tomo.model.effect import Effect
 from tomo.operators import Absorption, extinction_of
 from tomo.operators.view_gains import Gains
-from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
 from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy, factor_of
-from tomo.pipeline.findings import findings_of
+from tomo.pipeline.findings import findings_of, findings_of_pixels
 from tomo.pipeline.frames import images_of, noise_of_frames
 from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.scan_lines import with_lines
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.usable import with_image_in_place, without_unusable
@@ -97,9 +97,9 @@ def infer_effects(
             screened = without_unusable(screened, whole)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
             screened = _inferred(screened, loaded, grid, options)
-        stage.warnings += [one.sentence for one in screened.findings]
-        screened = replace(screened, findings=(*screened.findings, *_overexposed(screened)))
-        stage.warnings += _lines_for_scan(screened, whole, options)
+        findings = _with_pixels(screened, whole)
+        stage.warnings += [one.sentence for one in together(findings)]
+        screened = replace(screened, findings=findings)
     record = Record(
         screened.record.seconds + stage.record.seconds,
         (*screened.record.warnings, *stage.record.warnings),
@@ -107,21 +107,11 @@ def infer_effects(
     return replace(screened, record=record)
 
 
-def _overexposed(screened: ScreenedScan) -> list[Finding]:
-    """Return the cameras whose brightest pixels are cut off; a warning of the pixels says so."""
-    cut = screened.pixels.saturated if screened.pixels else {}
-    return [Finding("saturation", name, level) for name, level in cut.items()]
-
-
-def _lines_for_scan(screened: ScreenedScan, whole: Scan, options: Options) -> list[str]:
-    """Return the lines of a scan.yaml that correct gains and dark levels."""
-    names, gains, lines = screened.scan.rig.names, screened.gains, []
-    if gains is not None and not options.fit_gain:
-        line = line_for_gains(gains, names, whole.corrections)
-        lines += [f"gains: to have them in the scan, write into scan.yaml: {line}"] if line else []
-    levels = dark_levels(screened.pixels, gains, names)
-    dark = line_for_dark(levels, whole.rig.names, whole, fitted=gains is not None)
-    return lines + ([dark] if dark else [])
+def _with_pixels(screened: ScreenedScan, whole: Scan) -> tuple[Finding, ...]:
+    """Return the findings, with those of single images and the lines that correct images."""
+    names, pixels = screened.scan.rig.names, screened.pixels
+    single = findings_of_pixels(pixels, screened.images, screened.findings)
+    return with_lines((*screened.findings, *single), pixels, screened.gains, names, whole)
 
 
 def _inferred(
@@ -163,7 +153,7 @@ def _inferred(
         masks=list(seen.masks),
         noise=seen.noise,
         corrections=corrections,
-        findings=(*screened.findings, *findings_of(found, corrections, whole)),
+        findings=(*screened.findings, *findings_of(found, copy, corrections, whole, scan.shrink)),
         gains=_gains(found, corrections, whole, copy.power),
         emission=_emission(found, copy, grid) if corrections.absorption.emission else None,
         limits=_limits(found, copy) if options.uncertainty else None,

@@ -100,6 +100,13 @@ class Options(Declared, gone=GONE):
         names(),
         metavar="CAMERA",
     )
+    peak: float | None = option(
+        None,
+        "What PSNR and SSIM take for the largest value of images, in their unit: 1 is the full "
+        "scale of integers. By default the scan's, else the brightest measured pixel.",
+        number(above=0, optional=True),
+        metavar="VALUE",
+    )
     iterations: int | None = option(
         None,
         "How many iterations the method runs; its own number by default. auto chooses the number.",

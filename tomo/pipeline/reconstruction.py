@@ -16,6 +16,7 @@ from tomo.inference.finding import Finding
 from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
 from tomo.pipeline.options import NOT_A_NUMBER, Options
+from tomo.pipeline.peak import Peak
 from tomo.pipeline.report_json import report_of
 from tomo.pipeline.verdict import Verdict, judge
 from tomo.pipeline.view import View
@@ -41,14 +42,13 @@ class Reconstruction:
         All cameras, the held-out ones too.
     views : tuple of View
         One a camera, in the rig's order.
-    data_range : float
-        The peak for PSNR and SSIM: 1, the full scale, of images in 8 bits, else the brightest
-        pixel.
+    peak : Peak
+        For PSNR and SSIM.
     truth : (nx, ny, nz) float32, optional
     comparisons : tuple of Solution
         Further methods' solutions from the same images.
     compared : tuple of mappings
-        For each of these, by held-out camera: the figures of `tomo.pipeline.view.View.similarity`.
+        For each of these, by held-out camera: see `tomo.pipeline.view.View.held_out_figures`.
     counts : mapping
         ``rays, segments, voxels, active_voxels``.
     carving : mapping
@@ -93,10 +93,10 @@ class Reconstruction:
     solution: Solution
     rig: Rig
     views: tuple[View, ...]
-    data_range: float
+    peak: Peak
     truth: NDArray[np.float32] | None = None
     comparisons: tuple[Solution, ...] = ()
-    compared: tuple[Mapping[str, Mapping[str, float]], ...] = ()
+    compared: tuple[Mapping[str, Mapping[str, Any]], ...] = ()
     counts: Mapping[str, int] = field(default_factory=dict)
     carving: Mapping[str, Any] = field(default_factory=dict)
     screening: Mapping[str, Any] | None = None
@@ -128,7 +128,7 @@ class Reconstruction:
 
     @cached_property
     def answer(self) -> Answer:
-        """Whether the volume explains the images, and the likely causes where it does not."""
+        """Whether the volume explains the images."""
         return answer_of(self)
 
     @cached_property

@@ -6,6 +6,7 @@ import importlib.metadata
 import math
 import platform
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -46,11 +47,12 @@ def report_of(outcome: Any) -> dict[str, Any]:
         "learned": outcome.learned.report() if outcome.learned else None,
         "uncertainty": _uncertainty(outcome),
         "emission": _emission(outcome),
+        "peak": asdict(outcome.peak),
         "relative_residual": found.relative_residual,
         "stop_reason": found.stop_reason,
         "quality": dict(found.quality),
         "held_out": {
-            view.name: view.similarity(outcome.data_range)
+            view.name: view.held_out_figures(outcome.peak.value)
             for view in outcome.views
             if view.held_out
         },
@@ -62,7 +64,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
                 "residual_over_noise": view.residual_over_noise,
                 "beyond_noise": view.beyond_noise,
                 "gain": view.gain,
-                "psnr": view.psnr(outcome.data_range),
+                "psnr": view.psnr(outcome.peak.value),
                 "status": outcome.rig[view.name].status,
                 "held_out": view.held_out,
                 "excluded": view.excluded,

@@ -90,13 +90,6 @@ class ScreenedScan:
     limits: Limits | None = None
     record: Record = Record()
 
-    @property
-    def not_excluded(self) -> Images:
-        """The images that take part and those held out."""
-        names = self.apart.rig.names if self.apart else ()
-        apart = zip(names, self.apart_images, strict=True)
-        return [*self.images, *(image for name, image in apart if name not in self.excluded)]
-
 
 def screen(loaded: LoadedScan, hold_out: Sequence[str], *, look: bool) -> ScreenedScan:
     """Part a frame's images into those that take part and those that are only compared with.
@@ -114,7 +107,6 @@ def screen(loaded: LoadedScan, hold_out: Sequence[str], *, look: bool) -> Screen
     with timed() as stage:
         if look:
             pixels = check_pixels(scan.rig.names, images, masks)
-            stage.warnings += pixels.warnings
             for view, mask in enumerate(pixels.masks):
                 if (mask != masks[view]).any():
                     images[view], masks[view] = np.where(mask, images[view], 0), mask

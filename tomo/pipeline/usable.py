@@ -29,7 +29,7 @@ def without_unusable(screened: ScreenedScan, whole: Scan) -> ScreenedScan:
             found.append(Finding("dark", name))
     for first, second in doubles(screened.images):
         found += [
-            Finding("order", names[a], other=names[b])
+            Finding("same image", names[a], other=names[b])
             for a, b in ((first, second), (second, first))
         ]
     gone = tuple(dict.fromkeys(one.camera for one in found if one.camera))

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,9 @@ class View:
         Whether the view took no part because the others contradict it.
     noise : NoiseModel, optional
         That of the camera, where it is known; the image's own is estimated when None.
+    in_sight : (rows, columns) bool, optional
+        True where a pixel sees the grid: others say nothing of the volume, and count in the
+        figures of whole images alone. All count when None.
     """
 
     name: str
@@ -46,10 +50,11 @@ class View:
     held_out: bool = False
     excluded: bool = False
     noise: NoiseModel | None = None
+    in_sight: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         """Check that the images fit on each other."""
-        for name in ("reprojected", "mask"):
+        for name in ("reprojected", "mask", "in_sight"):
             other = getattr(self, name)
             if other is not None and other.shape != self.measured.shape:
                 raise ValueError(
@@ -69,6 +74,10 @@ class View:
         return finite if self.mask is None else finite & self.mask
 
     @property
+    def _telling(self) -> NDArray[np.bool_]:
+        return self.usable if self.in_sight is None else self.usable & self.in_sight
+
+    @property
     def relative_residual(self) -> float:
         """``||measured - reprojected|| / ||measured||`` of usable pixels; NaN if all are dark."""
         measured, reprojected = self._usable_pixels()
@@ -76,23 +85,26 @@ class View:
         return norm(measured - reprojected) / size if size > 0 else math.nan
 
     @cached_property
-    def relative_noise(self) -> float:
-        """Root mean square of the image's noise over that of the image; NaN if it is dark.
+    def _variance(self) -> NDArray[np.float64]:
+        """The variance of the noise of every pixel, ``(rows, columns)``.
 
         The noise is that of the finest structure in the image or in the residual, whichever has
         less: voxels wider than a pixel give the residual steps, details finer than voxels stand in
         the image.
         """
-        usable, (measured, reprojected) = self.usable, self._usable_pixels()
-        size = norm(measured)
-        if not size > 0:
-            return math.nan
-        if self.noise is not None:
-            return math.sqrt(float(self.noise.variance(reprojected).sum())) / size
+        usable = self.usable
         whole = np.where(usable, self.reprojected, 0)
+        if self.noise is not None:
+            return self.noise.variance(whole)
         found = (estimate_noise(self.measured, usable, expected) for expected in (None, whole))
-        light = np.maximum(reprojected, 0)
-        return min(math.sqrt(float(one.variance(light).sum())) for one in found) / size
+        each = (one.variance(np.maximum(whole, 0)) for one in found)
+        return min(each, key=lambda variance: float(variance[usable].sum()))
+
+    @property
+    def relative_noise(self) -> float:
+        """Root mean square of the image's noise over that of the image; NaN if it is dark."""
+        size = norm(self._usable_pixels()[0])
+        return math.sqrt(float(self._variance[self.usable].sum())) / size if size > 0 else math.nan
 
     @property
     def residual_over_noise(self) -> float:
@@ -104,15 +116,15 @@ class View:
     def beyond_noise(self) -> float:
         """The residual of means over 4 x 4 pixels that noise does not explain; NaN if dark.
 
-        Relative to the image's own means. Noise is down to a quarter in these means, and details
-        finer than a voxel, which cancel in them, do not count.
+        Relative to the image's own means, of pixels that see the grid. Noise is down to a quarter
+        in these means, and details finer than a voxel, which cancel in them, do not count.
 
         Notes
         -----
         ``sqrt(max(r^2 - (n / 4)^2, 0)) / m`` with the root mean squares ``r`` of the residual's
         means, ``m`` of the image's, and ``n`` of the noise; zero up to `SURE` times ``n / 4``.
         """
-        usable = self.usable
+        usable = self._telling
         measured = np.where(usable, self.measured, 0).astype(np.float64)
         residual = measured - np.where(usable, self.reprojected, 0)
         light, missed = block_means(measured, usable), block_means(residual, usable)
@@ -121,7 +133,7 @@ class View:
             light, missed, side = measured[usable], residual[usable], 1
         if not norm(light) > 0:
             return math.nan
-        noise = self.relative_noise * norm(measured) / math.sqrt(np.count_nonzero(usable)) / side
+        noise = math.sqrt(float(self._variance[usable].mean())) / side
         found = norm(missed) / math.sqrt(len(missed))
         if found <= SURE * noise:
             return 0.0
@@ -148,9 +160,34 @@ class View:
         total = float(reprojected.sum())
         return float(measured.sum()) / total if total > 0 else math.nan
 
+    @cached_property
+    def fitted(self) -> tuple[float, float, View] | None:
+        """Gain and background that fit the image best, and the view with them; None if dark."""
+        telling = self._telling
+        measured, predicted = (
+            image[telling].astype(np.float64) for image in (self.measured, self.reprojected)
+        )
+        spread = predicted - predicted.mean() if len(predicted) else predicted
+        energy = dot(spread, spread)
+        if not energy > 0:
+            return None
+        gain = dot(measured, spread) / energy
+        level = float(measured.mean() - gain * predicted.mean())
+        image = (gain * self.reprojected + level).astype(np.float32)
+        return gain, level, replace(self, reprojected=image)
+
     def psnr(self, data_range: float) -> float:
         """Return the PSNR in decibels over the whole image, unusable pixels dark."""
         return metrics.psnr(*self._whole_images()[::-1], data_range=data_range)
+
+    def held_out_figures(self, data_range: float) -> dict[str, Any]:
+        """Return `similarity`, and under ``fitted`` the same with gain and background fitted."""
+        found, own = self.similarity(data_range), None
+        if self.fitted is not None:
+            gain, level, view = self.fitted
+            own = {"gain": gain, "background": level, **view.similarity(data_range)}
+            own["beyond_noise"] = view.beyond_noise
+        return found | {"fitted": own}
 
     def similarity(self, data_range: float) -> dict[str, float]:
         """Return PSNR, SSIM and cosine similarity over the whole image, unusable pixels dark."""

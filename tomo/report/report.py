@@ -9,7 +9,8 @@ from collections.abc import Mapping, Sequence
 from rigs.files import atomic_path
 from tomo.draw.page import embedded, render
 from tomo.metrics import cosine_distance, nrmse
-from tomo.pipeline.answer import HARMFUL, NEGLIGIBLE, VERDICTS, verdict_of
+from tomo.pipeline.answer import HARMFUL
+from tomo.pipeline.peak import peak_in_words
 from tomo.pipeline.view import View
 from tomo.report.content import Results
 from tomo.report.facts import detail_tables, number_text, without_nulls
@@ -122,7 +123,7 @@ def _against_truth(report: Mapping) -> Rows:
 def _held_out(report: Mapping) -> Rows:
     rows, views = [], report.get("views") or {}
     for name, figures in (report.get("held_out") or {}).items():
-        missed = views.get(name, {}).get("beyond_noise")
+        missed, peak = views.get(name, {}).get("beyond_noise"), report.get("peak")
         if missed is not None:
             words = (
                 f"The part of its image that the volume predicts wrongly. Good: up to "
@@ -130,11 +131,20 @@ def _held_out(report: Mapping) -> Rows:
             )
             rows.append((f"{missed:.1%}", f"{name}: wrong beyond noise", words))
         if "psnr" in figures:
-            words = "Error of the prediction in decibels. 30 is good, 40 very good."
+            below = f" below {peak_in_words(peak)}" if peak else ""
+            words = f"Error of the prediction in decibels{below}. 30 is good, 40 very good."
             rows.append((f"{number_text(figures['psnr'])} dB", f"{name}: PSNR", words))
         if "ssim" in figures:
             words = "Likeness in structure, 1 at the most; noise in the image lowers it."
             rows.append((number_text(figures["ssim"]), f"{name}: SSIM", words))
+        own = figures.get("fitted")
+        if own and "psnr" in own:
+            words = (
+                f"With a gain of {number_text(own['gain'])} and a background of "
+                f"{number_text(own['background'])} fitted to its image; "
+                f"{own.get('beyond_noise', 0):.1%} is then wrong beyond noise."
+            )
+            rows.append((f"{number_text(own['psnr'])} dB", f"{name}: PSNR, level fitted", words))
     return rows
 
 
@@ -175,7 +185,6 @@ def _views(report: Mapping, results: Results) -> dict:
             "not reproduced": f"{residual:.2%}" if lit else "dark",
             "noise": f"{view.relative_noise:.2%}" if lit else "",
             "beyond noise": f"{view.beyond_noise:.1%}" if lit else "",
-            "image": role or verdict_of(view),
             "gain": f"{figures['gain']:.3f}" if "gain" in figures else "",
         }
         name = f"{view.name} ({role})" if role else view.name
@@ -193,8 +202,7 @@ def _columns(report: Mapping) -> list[tuple[str, str]]:
          "included (relative residual)"),
         ("noise", "the part that is noise; the first figure cannot fall below it"),
         ("beyond noise", f"what is left of the first without noise and without details finer than "
-         f"a voxel: explained up to {NEGLIGIBLE:.0%}, not explained above {HARMFUL:.0%}"),
-        ("image", "the same in words"),
+         f"a voxel: not explained above {HARMFUL:.0%}"),
     ]  # fmt: skip
     if any("gain" in one for one in (report.get("views") or {}).values()):
         words = "brightness of the image over that of the volume's; the cameras should agree"
@@ -202,10 +210,9 @@ def _columns(report: Mapping) -> list[tuple[str, str]]:
     return columns
 
 
-def _order(view: View) -> tuple[bool, int, float]:
+def _order(view: View) -> tuple[bool, float]:
     """Return the place of a view in the table: what took no part, then by what is unexplained."""
-    beyond = view.beyond_noise if math.isfinite(view.beyond_noise) else 0.0
-    return view.takes_part, -VERDICTS.index(verdict_of(view)), -beyond
+    return view.takes_part, -view.beyond_noise if math.isfinite(view.beyond_noise) else 0.0
 
 
 def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:

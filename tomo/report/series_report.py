@@ -15,6 +15,7 @@ from tomo.draw.film.chart import COLOURS, Chart, chart
 from tomo.draw.film.player import film_of
 from tomo.draw.film.visualize import moments_of, shown_places, words_of
 from tomo.draw.page import render
+from tomo.pipeline.peak import peak_in_words
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
 from tomo.report.words import advice, short_unit, verdict_part
@@ -84,8 +85,10 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
     complete, count = int((table.columns["complete"] == 1).sum()), table.store.n_frames
     said = "All are complete." if complete == count else f"Of {count:,}; the others are missing."
     rows = [(f"{complete:,}", "frames", said)]
+    peak = table.store.attributes["plan"].get("peak")
+    below = f" below {peak_in_words(peak)}" if peak else ""
     for name, title, digits, unit, words in (
-        ("psnr", "PSNR", 4, " dB", "Error of its predicted images; 30 is good, 40 very good."),
+        ("psnr", "PSNR", 4, " dB", f"Error of its predicted images{below}; 30 is good."),
         ("ssim", "SSIM", 3, "", "Likeness of its predicted images, 1 at the most."),
     ):
         for camera, values in table.each_camera(name).items():
@@ -158,7 +161,7 @@ def _camera_table(table: SeriesTable) -> dict[str, Any]:
         ("not reproduced", "view_residual", np.nanmean, "{:.2%}",
          "the part of its images that the volume does not reproduce, noise included"),
         ("beyond noise", "view_beyond_noise", np.nanmean, "{:.2%}",
-         "the part that is neither volume nor noise: good up to 4 %, bad above 10 %"),
+         "the part that is neither volume nor noise: bad above 10 %"),
         ("gain", "view_gain", np.nanmean, "{:.3f}",
          "brightness of its images over the volume's: mean, least and largest; 1 is right"),
         ("least", "view_gain", np.nanmin, "{:.3f}", ""),

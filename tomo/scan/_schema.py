@@ -204,6 +204,7 @@ class ScanFile(_Strict):
     frame_rate: Annotated[Number, AfterValidator(_above_zero)] | None = None
     corrections: _Corrections = _Corrections()
     radiometry: _Radiometry | None = None
+    peak: Annotated[Number, AfterValidator(_above_zero)] | None = None
     truth: Text | None = None
     effects: _Effects | None = None
 

@@ -198,7 +198,7 @@ class Corrections:
                 raise ValueError(
                     f"{where}corrections.{name}: camera {camera}: found {value:g}, expected "
                     f"at most 1, the full scale of integers like those in {place}; "
-                    f"{_counts_in_words(float(value), self.of('bit_depth', camera))}"
+                    f"{counts_in_words(float(value), self.of('bit_depth', camera))}"
                 )
 
     def pixels(
@@ -223,7 +223,7 @@ class Corrections:
         return read_intensities(value, camera, size, bits, colours, is_correction=True)[0]
 
 
-def _counts_in_words(counts: float, bits: int | None) -> str:
+def counts_in_words(counts: float, bits: int | None) -> str:
     """Return what to write for a number of counts, by the bits of the camera or the usual ones."""
     depths = [bits] if bits else [one for one in (8, 12, 16) if counts < 2**one]
     each = [f"{counts:g} counts of {one} bits are {counts / (2**one - 1):.3g}" for one in depths]

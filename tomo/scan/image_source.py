@@ -98,14 +98,3 @@ def holds_integers(image: ImageSource) -> bool:
     if isinstance(image, FilmFrame):
         return image.film.holds_integers
     return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"
-
-
-def is_of_8_bits(image: ImageSource) -> bool:
-    """Tell whether an image, in a file or in memory, holds integers of at most 8 bits."""
-    from rigs.recordings import Still, read_still
-
-    if isinstance(image, FilmFrame):
-        bits = image.film.recording.bit_depth
-        return bits is not None and bits <= 8
-    still = read_still(image) if isinstance(image, Path) else Still.of(image)
-    return still.full_scale is not None and still.full_scale <= 255

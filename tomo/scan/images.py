@@ -16,7 +16,7 @@ from tomo.io.volume_film import SUFFIX
 from tomo.measurement import DeadLines, StoredBits
 from tomo.scan.corrections import Corrections
 from tomo.scan.frames import Frame, find_frame
-from tomo.scan.image_source import holds_integers, is_of_8_bits
+from tomo.scan.image_source import holds_integers
 from tomo.scan.radiometry import Radiometry
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ class ScanImages:
     recorded_sizes: Mapping[str, tuple[int, int]]
     notes: tuple[str, ...]
     radiometry: Radiometry | None
+    peak: float | None
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -122,28 +123,25 @@ class ScanImages:
         return all(holds_integers(image) for image in self.frame(frame).images.values())
 
     def value_unit(self, frame: str | None = None) -> str:
-        """Return the unit of a volume from these images: theirs over the unit of length.
+        """Return the unit of a volume from these images: theirs over the unit of length."""
+        if self.radiometry is not None:
+            return self.radiometry.value_unit
+        return f"{self.image_unit(frame)} per {self.rig.length_unit}"
+
+    def image_unit(self, frame: str | None = None) -> str:
+        """Return the unit of corrected images.
 
         Integers are divided by their full scale; other images have a unit of their own, and those
         of a scan with `radiometry` one of light.
         """
         if self.radiometry is not None:
-            return self.radiometry.value_unit
-        unit = "full scales" if self.in_full_scales(frame) else "image units"
-        return f"{unit} per {self.rig.length_unit}"
+            return f"{self.radiometry.value_unit} {self.rig.length_unit}"
+        return "full scales" if self.in_full_scales(frame) else "image units"
 
     def in_full_scales(self, frame: str | None = None) -> bool:
         """Tell whether 1 is the full scale of all images of a frame, once they are corrected."""
         is_scaled = self.corrections.gain is not None or self.radiometry is not None
         return not is_scaled and self.holds_integers(frame)
-
-    def in_8_bits(self, frame: str | None = None) -> bool:
-        """Tell whether 1 stands for 255, the full scale of all images of a frame.
-
-        Wider numbers say nothing of a camera: 12 bits are often stored in 16.
-        """
-        images = self.frame(frame).images.values()
-        return self.in_full_scales(frame) and all(map(is_of_8_bits, images))
 
     @cached_property
     def per_count(self) -> dict[str, float] | None:

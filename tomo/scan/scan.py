@@ -63,6 +63,8 @@ class Scan(ScanImages):
     radiometry : Radiometry, optional
         What makes radiances of counts; images are then those radiances, in the unit of the volume
         times that of length.
+    peak : float, optional
+        The largest value of corrected images for PSNR and SSIM; their brightest pixel when None.
     """
 
     rig: Rig
@@ -78,6 +80,7 @@ class Scan(ScanImages):
     frame_rate: float | None = None
     notes: tuple[str, ...] = ()
     radiometry: Radiometry | None = None
+    peak: float | None = None
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""
@@ -188,6 +191,7 @@ class Scan(ScanImages):
             corrections=None if self.corrections == Corrections() else self.corrections,
             effects=self.effects,
             radiometry=self.radiometry,
+            peak=self.peak,
         )
 
     def without(self, *cameras: str) -> Scan:

@@ -63,6 +63,7 @@ def load_scan_yaml(path: Path) -> Scan:
         frame_rate=rate,
         notes=notes_of_films(films) if films else (),
         radiometry=_radiometry(path, content.radiometry, rig),
+        peak=content.peak,
     )
 
 

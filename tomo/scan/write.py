@@ -37,6 +37,7 @@ def save_scan(
     corrections: Corrections | None = None,
     effects: Mapping[str, Any] | None = None,
     radiometry: Radiometry | None = None,
+    peak: float | None = None,
 ) -> Path:
     """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
 
@@ -57,6 +58,8 @@ def save_scan(
         The effects that the images were simulated with, see `Scan`.
     radiometry : Radiometry, optional
         As ``corrections``; its arrays are written to ``radiometry/``.
+    peak : float, optional
+        See `Scan`.
 
     Returns
     -------
@@ -88,6 +91,8 @@ def save_scan(
     if radiometry is not None:
         content["radiometry"], images = plain_corrections(folder, radiometry, "radiometry")
         images_of_corrections |= images
+    if peak is not None:
+        content["peak"] = peak
     if truth is not None:
         content["truth"] = "truth.npz"
     if effects is not None:

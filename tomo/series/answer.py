@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.pipeline.answer import EXPLAINED, HARMFUL, NEGLIGIBLE, NOT_EXPLAINED, PARTLY
+from tomo.pipeline.answer import EXPLAINED, HARMFUL, NOT_EXPLAINED, PARTLY, percent
 from tomo.pipeline.answer import UNKNOWN_VERDICT as UNKNOWN
 
 
@@ -31,6 +31,11 @@ class SeriesAnswer:
     partly: int = 0
     not_explained: int = 0
     unknown: int = 0
+
+
+def verdict_of_frame(worst: float) -> str:
+    """Return whether a frame is explained, from its worst image's residual beyond noise."""
+    return NOT_EXPLAINED if worst > HARMFUL else PARTLY if worst else EXPLAINED
 
 
 def answer_of_series(
@@ -57,18 +62,18 @@ def answer_of_series(
         sentence = "Not known: no frame has an image with light to compare its volume with."
         return SeriesAnswer(UNKNOWN, sentence, unknown=unknown)
     worst = np.nanmax(beyond[lit], axis=1)
-    explained = int((worst <= NEGLIGIBLE).sum())
+    explained = int((worst == 0).sum())
     missed = int((worst > HARMFUL).sum())
     partly = len(worst) - explained - missed
     middle = float(np.median(worst))
-    verdict = NOT_EXPLAINED if middle > HARMFUL else PARTLY if middle > NEGLIGIBLE else EXPLAINED
+    verdict = verdict_of_frame(middle)
     place = np.flatnonzero(lit)[int(np.argmax(worst))]
     camera = cameras[int(np.nanargmax(beyond[place]))]
     parts = [
         f"{f'all {count}' if number == count else f'{number} of {count}'} frames {words}"
         for number, words in (
             (explained, "are explained up to their noise"),
-            (partly, f"up to {HARMFUL:.0%} of an image"),
+            (partly, f"but for up to {HARMFUL:.0%} of an image"),
             (missed, f"miss more than {HARMFUL:.0%} of an image"),
             (unknown, "are dark"),
         )
@@ -76,7 +81,7 @@ def answer_of_series(
     ]
     sentence = (
         f"{verdict.capitalize()}: {', '.join(parts)}; least well frame {frames[place]}, where "
-        f"camera {camera} is off by {worst.max():.1%} beyond the noise (middle frame "
-        f"{middle:.1%})."
+        f"camera {camera} is off by {percent(worst.max())} beyond the noise (middle frame "
+        f"{percent(middle)})."
     )
     return SeriesAnswer(verdict, sentence, explained, partly, missed, unknown)

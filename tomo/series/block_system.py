@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +11,8 @@ from numpy.typing import NDArray
 from tomo.grid import ActiveVoxels
 from tomo.operators import LinearSystem
 from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.evaluate import pixels_in_sight
+from tomo.scan.images import Masks
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,3 +35,9 @@ class BlockSystem:
     apart: LinearSystem | None
     active: ActiveVoxels
     pixels: tuple[NDArray[np.bool_], ...]
+
+    @cached_property
+    def in_sight(self) -> tuple[Masks, Masks]:
+        """The pixels that may see the grid, of cameras that take part and of those that do not."""
+        apart = [] if self.apart is None else pixels_in_sight(self.apart)
+        return pixels_in_sight(self.built.system), apart

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.pipeline.options import Options
+from tomo.pipeline.peak import Peak
 from tomo.pipeline.register import Registered
 from tomo.pipeline.report_json import plain
 from tomo.pipeline.screen import ScreenedScan
@@ -46,8 +47,8 @@ class Plan:
         How smooth volumes are; None where blocks choose, or another method is used.
     choices : tuple of Choice
         The choices of the key frames.
-    data_range : float
-        The greatest difference that images can have, for PSNR and SSIM.
+    peak : Peak
+        For PSNR and SSIM.
     warnings : tuple of str
     temporal : TemporalChoice, optional
         Whether and how frames are filtered in time.
@@ -64,7 +65,7 @@ class Plan:
     emission: NDArray[np.float32] | None
     choice: Choice | None
     choices: tuple[Choice, ...]
-    data_range: float
+    peak: Peak
     warnings: tuple[str, ...]
     temporal: TemporalChoice | None = None
 
@@ -92,6 +93,7 @@ class Plan:
         rule = self.registered.rule
         return plain(
             {
+                "peak": asdict(self.peak),
                 "key_frames": [self.scan.frames[place].name for place in self.keys],
                 "choice": self.choice and self.choice.setting._asdict(),
                 "choices": [one.setting._asdict() for one in self.choices],

@@ -19,11 +19,12 @@ from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_cameras import check_cameras
 from tomo.pipeline.check_options import check_options
-from tomo.pipeline.evaluate import data_range, read_reference, system_apart
+from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.peak import peak_of
 from tomo.pipeline.prepare import prepare
 from tomo.pipeline.solve import solve
 from tomo.scan import Scan
@@ -121,9 +122,11 @@ def make_plan(
     system = BlockSystem(built, apart, registered.active, tuple(registered.masks))
     truth = read_reference(scan, grid, scan.frames[keys[0]].name)
     done = (*ready.records.values(), truth.record)
+    masks = counted(loaded[0], screened)
+    peak = peak_of(scan, loaded[0].frame, [one.images for one in loaded], masks, options)
     plan = Plan(
         scan, grid, options, tuple(places), keys, screened, registered, system,
-        emission, None, (), data_range(scan, scan.frames[keys[0]].name, screened.not_excluded),
+        emission, None, (), peak,
         (*doubts, *scan.remarks, *(line for one in done for line in one.warnings)),
     )  # fmt: skip
     if method_named(options.method).name != AUTO or options.choose_each:

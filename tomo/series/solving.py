@@ -144,7 +144,8 @@ def _figures(
 ) -> tuple[dict[str, float], dict[str, dict[str, float]]]:
     """Return the figures of a volume, such as its total, and those of its images by camera."""
     built, volume = solved.built, solved.solution.volume
-    views = views_of(built.system.on_voxel_means, volume, frame.images, frame.masks)
+    means, (sight, sight_apart) = built.system.on_voxel_means, system.in_sight
+    views = views_of(means, volume, frame.images, frame.masks, in_sight=sight)
     views = [
         replace(view, noise=one) for view, one in zip(views, plan.registered.noise, strict=True)
     ]
@@ -153,12 +154,16 @@ def _figures(
         other = system.apart
         if built.absorption.emission:
             other = through_gas(other, built.absorption, volume, plan.options)
-        apart = views_of(other.on_voxel_means, volume, frame.apart_images, frame.apart_masks)
+        apart = views_of(
+            other.on_voxel_means, volume, frame.apart_images, frame.apart_masks,
+            in_sight=sight_apart,
+        )  # fmt: skip
     held_out = [view for view in apart if view.name in plan.options.hold_out]
+    fitted = [view.fitted[2] if view.fitted else view for view in held_out]
     light, per_total = plan.scan.radiometry, 1.0
     if light is not None:
         _, per_total = unit_of_total(light.value_unit, plan.scan.rig.length_unit)
-    alike = {view.name: view.similarity(plan.data_range) for view in held_out}
+    alike = {view.name: view.similarity(plan.peak.value) for view in held_out}
     figures = {
         "relative_residual": _relative_residual(views),
         "total_emission": total(volume, plan.grid) * per_total,
@@ -168,7 +173,7 @@ def _figures(
         "view_residual": {view.name: view.relative_residual for view in [*views, *apart]},
         "view_gain": {view.name: view.gain for view in [*views, *apart]},
         "view_light": {view.name: view.light for view in [*views, *apart]},
-        "view_beyond_noise": {view.name: view.beyond_noise for view in [*views, *held_out]},
+        "view_beyond_noise": {view.name: view.beyond_noise for view in [*views, *fitted]},
         "psnr": {name: each["psnr"] for name, each in alike.items()},
         "ssim": {name: each.get("ssim", math.nan) for name, each in alike.items()},
     }

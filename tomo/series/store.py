@@ -277,15 +277,17 @@ def _write_empty(
     for name in FIGURES:
         dtype, fill = ("i4", 0) if name == "warnings" else ("f8", math.nan)
         array(name, (count,), (BLOCK,), dtype, ("time",), fill, units=units.get(name, "1"))
+    peak = attributes["plan"].get("peak")
     for name in CAMERA_FIGURES:
         shape, chunks = (count, len(cameras)), (BLOCK, len(cameras))
+        about = {"peak": peak} if peak and name in ("psnr", "ssim") else {}
         array(
             name, shape, chunks, "f8", ("time", "camera"), math.nan, units=units.get(name, "1"),
-            cameras=list(cameras),
+            cameras=list(cameras), **about,
         )  # fmt: skip
-    about = "1 where the frame is complete, 2 where it could not be read and was left out; "
-    about += "written after everything else of its block"
-    array("complete", (count,), (BLOCK,), "u1", ("time",), 0, long_name=about)
+    words = "1 where the frame is complete, 2 where it could not be read and was left out; "
+    words += "written after everything else of its block"
+    array("complete", (count,), (BLOCK,), "u1", ("time",), 0, long_name=words)
 
 
 _NAMES = ("emission", "time", "x", "y", "z", "frame", *FIGURES, *CAMERA_FIGURES, "complete")

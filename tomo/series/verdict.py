@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from tomo.pipeline.answer import EXPLAINED, HARMFUL, NEGLIGIBLE, NOT_EXPLAINED, PARTLY
 from tomo.pipeline.answer import UNKNOWN_VERDICT as UNKNOWN
 from tomo.pipeline.verdict import (
     GREEN,
@@ -20,6 +19,7 @@ from tomo.pipeline.verdict import (
     rules_that_apply,
     worst_of,
 )
+from tomo.series.answer import verdict_of_frame
 from tomo.series.table import SeriesTable
 
 
@@ -83,7 +83,7 @@ def _frames(table: SeriesTable) -> Iterator[dict[str, Any]]:
     about = table.store.attributes
     plan, held_out = about["plan"], about["options"].get("hold_out") or []
     excluded = (plan.get("screening") or {}).get("excluded") or []
-    common = {k: plan.get(k) for k in ("screening", "findings", "refinement")}
+    common = {k: plan.get(k) for k in ("findings", "refinement")}
     common["uncertainty"] = {"voxels": plan.get("voxels")}
     cameras = (about.get("rig") or {}).get("cameras") or ()
     status = {one["name"]: one.get("status") for one in cameras}
@@ -109,10 +109,8 @@ def _frames(table: SeriesTable) -> Iterator[dict[str, Any]]:
 def _answer(beyond: list[float]) -> dict[str, Any]:
     if not beyond:
         return {"verdict": UNKNOWN, "beyond_noise": None}
-    worst = max(beyond)
-    explained = EXPLAINED if worst <= NEGLIGIBLE else PARTLY
     return {
-        "verdict": NOT_EXPLAINED if worst > HARMFUL else explained,
-        "beyond_noise": worst,
+        "verdict": verdict_of_frame(max(beyond)),
+        "beyond_noise": max(beyond),
         "beyond_noise_of_all": float(np.sqrt(np.mean(np.square(beyond)))),
     }

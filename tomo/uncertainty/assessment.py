@@ -27,7 +27,6 @@ from tomo.uncertainty.residual_noise import (
     smoothed,
 )
 from tomo.uncertainty.resolution import Resolution, resolution
-from tomo.uncertainty.warnings import trust_warnings
 
 AUTO_REPEATS = 2
 """Repeats of a known answer, with noise of either sign: no map of single voxels."""
@@ -81,8 +80,8 @@ class Assessment:
     intervals: Intervals | None = None
 
     def __repr__(self) -> str:
-        """Name the size and the number of warnings."""
-        return f"<Assessment of {self.active.size} unknowns: {len(self.warnings)} warnings>"
+        """Name the size and the deviation by noise."""
+        return f"<Assessment of {self.active.size} unknowns: noise {self.relative_deviation:.1%}>"
 
     @property
     def relative_deviation(self) -> float:
@@ -92,11 +91,6 @@ class Assessment:
         emitting = self.coverage.emitting
         size = norm(self.volume[emitting])
         return norm(self.deviations.values[emitting]) / size if size > 0 else math.nan
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """The reasons not to trust the volume, one line each."""
-        return trust_warnings(self.coverage, self.residual, self.noise, self.relative_deviation)
 
     @property
     def mapped(self) -> bool:
@@ -132,8 +126,6 @@ class Assessment:
             ``voxels`` and ``length`` along x, y, z: medians of full widths at half maximum.
         ``intervals``
             Half-widths of 90 % intervals of voxels, total, plane sums and edges, see `Intervals`.
-        ``warnings``
-            The reasons not to trust the volume; may be empty.
         """
         known = not math.isnan(self.noise)
         return {
@@ -151,7 +143,6 @@ class Assessment:
             else {**self.resolution.report(), "method": _RESOLUTION_WORDS},
             "intervals": self.intervals
             and self.intervals.report(self.volume, self.coverage.emitting),
-            "warnings": list(self.warnings),
         }
 
     def _of_deviations(self) -> dict[str, Any] | None:

@@ -54,6 +54,9 @@ class Intervals:
         ``total`` (), ``plane_sums_x`` (nx,), ``..._y``, ``..._z`` and ``edges`` (3, 2).
     half_widths, noise_of_values : mapping of str to array
         The same for ``values``, together and by noise.
+    growth : float
+        Factor on the voxels' errors for what neither volume nor noise explains of the images: 1
+        where cameras are as exact as those that the known answer was seen by.
     """
 
     active: ActiveVoxels
@@ -63,6 +66,7 @@ class Intervals:
     values: Mapping[str, NDArray[np.float64]]
     half_widths: Mapping[str, NDArray[np.float64]]
     noise_of_values: Mapping[str, NDArray[np.float64]]
+    growth: float = 1.0
 
     @property
     def half_width(self) -> NDArray[np.float32]:
@@ -85,6 +89,7 @@ class Intervals:
                 "relative": relative(self.together),
                 "relative_noise": relative(self.noise),
                 "relative_structure": relative(self.structure),
+                "growth": self.growth,
             },
         }
         for name, value in self.values.items():
@@ -163,8 +168,8 @@ def intervals(
     active = system.projector.active
     errors = [DETAIL * moved.structure + sign * moved.noise for sign in (1, -1)]
     off = float(np.sqrt(np.mean([np.mean(error[where] ** 2) for error in errors])))
-    grown = 1 + UNEXPLAINED * unexplained * size / max(off, np.finfo(float).tiny)
-    pattern = grown * learned(list(moved.found), errors, where, size, LEVEL).of(volume)
+    growth = 1 + UNEXPLAINED * unexplained * size / max(off, np.finfo(float).tiny)
+    pattern = growth * learned(list(moved.found), errors, where, size, LEVEL).of(volume)
     by_noise = NORMAL * deviations.astype(np.float64)
     together = np.maximum(active.compress(pattern), by_noise)
     light = math.hypot(_light_mismatch(system, measured, seen), LIGHT * unexplained)
@@ -180,6 +185,7 @@ def intervals(
         values,
         _half_widths(values, active.grid, truth, own, light),
         _half_widths(values, active.grid, truth, noise, 0.0, placed=0.0),
+        growth,
     )
 
 

@@ -95,9 +95,11 @@ def test_the_summary_is_on_stderr_one_line_a_fact(done):
     answer = lines.index(report["answer"]["sentence"])
     assert all(any(one in line for line in lines[answer + 1 :]) for one in said)
     assert sum(line.startswith("held out cam02: psnr ") for line in lines) == 1
-    assert report["verdict"]["sentence"] in lines[-2:]
-    head, own, other = lines[-5:-2]
-    assert " ".join(head.split()) == "method held-out psnr held-out ssim nrmse residual seconds"
+    assert report["verdict"]["sentence"] in lines
+    assert lines[-1].startswith("open ")
+    table = [" ".join(line.split()) for line in lines]
+    head = table.index("method held-out psnr held-out ssim nrmse residual seconds")
+    own, other = table[head + 1 : head + 3]
     assert own.split()[0] == report["method"]
     assert float(other.split()[1]) == pytest.approx(
         report["comparisons"][0]["held_out"]["cam02"]["psnr"], rel=1e-3
@@ -199,9 +201,8 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "grid": {"shape": [4, 7, 4], "spacing": [2.0, 2.0, 2.4], "center": [10.0, 0.0, -3.0]},
     }
     assert {key: report["settings"][key] for key in expected} == expected
-    of_truth, of_views = report["warnings"]
+    (of_truth,) = report["warnings"]
     assert of_truth.startswith("truth.npz: the truth is on another grid: no quality figures. ")
-    assert of_views.startswith("not to be trusted: few directions: ")
     assert report["rays"] == 3 * 12 * 16 * 2**2
 
 

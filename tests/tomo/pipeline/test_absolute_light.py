@@ -7,7 +7,7 @@ import pytest
 
 import rigs
 from tomo import Corrections, Options, Scan, VoxelGrid, reconstruct
-from tomo.pipeline.evaluate import data_range
+from tomo.pipeline.peak import peak_of
 from tomo.scan import Calibration, Radiometry
 
 EMISSION, RADIUS = 4.0e4, 8.0  # W/m^3/sr, mm
@@ -74,7 +74,9 @@ def test_the_images_are_the_radiances(lab):
         expected = 1000 * radiance(camera)  # W/m^3/sr mm
         np.testing.assert_allclose(image, expected, rtol=5e-5, atol=5e-5 * expected.max())
     brightest = max(1000 * radiance(camera).max() for camera in RIG)
-    assert data_range(scan, None, scan.images()) == pytest.approx(brightest, rel=1e-4)
+    peak = peak_of(scan, scan.frame_names[0], [scan.images()], scan.masks(), Options())
+    assert peak.value == pytest.approx(brightest, rel=1e-4)
+    assert peak.unit == "W/m^3/sr mm"
 
 
 def test_a_sphere_of_known_emission_comes_back(lab):

@@ -5,12 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from tomo.inference.finding import Finding
 from tomo.pipeline.answer import (
     EXPLAINED,
     NOT_EXPLAINED,
     PARTLY,
-    UNKNOWN,
     UNKNOWN_VERDICT,
     answer_of,
     verdict_of,
@@ -32,8 +30,8 @@ def noise(sigma, seed=0):
     return (sigma * draws).astype(np.float32)
 
 
-def outcome(*views, findings=()):
-    return SimpleNamespace(views=views, findings=findings)
+def outcome(*views):
+    return SimpleNamespace(views=views)
 
 
 @pytest.mark.parametrize("sigma", [0.002, 0.02, 0.1])
@@ -52,7 +50,7 @@ def test_one_percent_of_noise_does_not_explain_a_quarter_of_the_image():
     assert verdict_of(view) == NOT_EXPLAINED
     others = [View(f"cam0{n}", flame() + noise(0.003, n), flame()) for n in range(3)]
     found = answer_of(outcome(*others, view))
-    assert found.sentence.startswith("Not explained: up to 23% of an image stays unexplained")
+    assert "23%" in found.sentence
     assert found.missed == pytest.approx(view.beyond_noise / 2, rel=0.01)
 
 
@@ -63,7 +61,6 @@ def test_the_worst_view_of_unexplained_images_is_reported_but_not_accused():
     assert found.verdict == NOT_EXPLAINED
     assert found.report()["worst_camera"] == "cam03"
     assert "cam0" not in found.sentence
-    assert "no cause that was tested explains it" in found.sentence
 
 
 @pytest.mark.parametrize("sigma", [0.003, 0.1])
@@ -81,6 +78,39 @@ def test_details_finer_than_a_voxel_do_not_count():
     assert verdict_of(view) == EXPLAINED
 
 
+def test_a_residual_of_many_times_the_noise_is_not_explained_up_to_it():
+    """However little of an image it is: 0.5 % of it at a noise of 0.1 %."""
+    view = View("cam", flame() + noise(0.0003), 1.005 * flame())
+    assert view.residual_over_noise > 3
+    assert view.beyond_noise == pytest.approx(0.005, rel=0.1)
+    assert verdict_of(view) == PARTLY
+    sentence = answer_of(outcome(view)).sentence
+    assert "0.5% of an image" in sentence
+    assert f"noise is {view.relative_noise:.1%}" in sentence
+
+
+def test_pixels_that_cannot_see_the_grid_do_not_count():
+    image = flame() + flame(row=60)
+    seen = np.broadcast_to(ROWS < 45, image.shape)
+    assert View("cam", image, flame()).beyond_noise > 0.4
+    assert View("cam", image, flame(), in_sight=seen).beyond_noise < 0.1
+    assert View("cam", image, flame(), in_sight=seen).psnr(1.0) == View(
+        "cam", image, flame()
+    ).psnr(1.0)
+
+
+@pytest.mark.parametrize(("gain", "level"), [(1.0, 0.05), (0.8, 0.0), (1.2, -0.02)])
+def test_gain_and_background_of_a_held_out_view_are_fitted_beside_its_figures(gain, level):
+    view = View("cam", gain * flame() + level + noise(0.002), flame(), held_out=True)
+    figures = view.held_out_figures(1.0)
+    fitted = figures["fitted"]
+    assert fitted["gain"] == pytest.approx(gain, abs=0.005)
+    assert fitted["background"] == pytest.approx(level, abs=0.001)
+    assert fitted["psnr"] > figures["psnr"] + 10
+    assert fitted["beyond_noise"] == 0 < view.beyond_noise
+    assert figures["psnr"] == view.psnr(1.0)
+
+
 def test_each_view_counts_by_its_own_noise():
     views = [
         View("noisy", flame() + noise(0.1), flame()),
@@ -90,9 +120,7 @@ def test_each_view_counts_by_its_own_noise():
     assert verdict_of(views[0]) == EXPLAINED
     assert verdict_of(views[1]) == PARTLY
     assert worst_view(views) is views[1]
-    sentence = answer_of(outcome(*views)).sentence
-    assert sentence.startswith("Explained in part")
-    assert UNKNOWN in sentence
+    assert answer_of(outcome(*views)).report()["worst_camera"] == "clean"
 
 
 def test_views_that_took_no_part_do_not_decide():
@@ -114,27 +142,3 @@ def test_dark_images_have_no_answer():
         assert found.verdict == UNKNOWN_VERDICT
         assert found.sentence.startswith("Not known")
         assert found.report()["worst_camera"] is None
-
-
-@pytest.mark.parametrize(
-    ("finding", "words"),
-    [
-        (Finding("outside", size=0.3, unit="%"), "30.0 % of the light comes from outside"),
-        (Finding("pose", "cam01", 1.28, unit="px"), "camera cam01: its pose is off"),
-        (Finding("absorption", size=0.5), "optical depth 0.5"),
-        (Finding("order", "cam00", other="cam01"), "its image is that of camera cam01"),
-        (Finding("background", "cam01", 0.02, unit="%", corrected=False), "not corrected"),
-    ],
-)
-def test_the_causes_are_what_was_found(finding, words):
-    view = View("cam00", flame(), flame(column=38))
-    sentence = answer_of(outcome(view, findings=(finding,))).sentence
-    assert words in sentence
-    assert UNKNOWN not in sentence
-
-
-def test_an_explained_volume_needs_no_causes():
-    view = View("cam00", flame() + noise(0.01), flame())
-    found = answer_of(outcome(view, findings=(Finding("gain", "cam00", 0.08, unit="%"),)))
-    assert found.causes == ()
-    assert "gain" not in found.sentence

@@ -7,6 +7,7 @@ import pytest
 from rigs import ring
 from tomo import VoxelGrid
 from tomo.pipeline import Options, Reconstruction
+from tomo.pipeline.peak import Peak
 from tomo.pipeline.report_json import versions
 from tomo.pipeline.view import View, quality
 from tomo.solvers import Iteration, Solution
@@ -75,7 +76,9 @@ def test_where_no_ray_says_anything_the_volume_is_not_a_number_if_asked_for():
     found = Solution(volume, VoxelGrid(volume.shape, 1.0), (), {"method": "tikhonov"})
     rig = ring(3, image_size=(4, 4), footprint=1.0)
     marked, plain = (
-        Reconstruction(found, rig, (), 1.0, unseen=unseen, options=Options(unseen=asked)).volume
+        Reconstruction(
+            found, rig, (), Peak(1.0, ""), unseen=unseen, options=Options(unseen=asked)
+        ).volume
         for asked in ("nan", "zero")
     )
     assert np.isnan(marked[unseen]).all()
@@ -94,7 +97,9 @@ def test_a_report_is_json_whatever_is_in_it():
         quality={"cosine_distance": math.nan},
     )
     view = View("cam00", MEASURED, MEASURED, held_out=True)  # PSNR is infinite
-    outcome = Reconstruction(found, rig, (view,), 1.0, warnings=("one",), options=Options(seed=3))
+    outcome = Reconstruction(
+        found, rig, (view,), Peak(1.0, ""), warnings=("one",), options=Options(seed=3)
+    )
     report = json.loads(json.dumps(outcome.report(), allow_nan=False))
     assert report["relative_residual"] is None
     assert report["quality"] == {"cosine_distance": None}

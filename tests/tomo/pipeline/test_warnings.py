@@ -8,9 +8,10 @@ import pytest
 import yaml
 
 from tomo import Scan, load_scan
+from tomo.inference.finding import Finding
 from tomo.operators.view_gains import Gains
 from tomo.pipeline import Options, reconstruct
-from tomo.pipeline.advice import dark_levels, line_for_dark, line_for_gains
+from tomo.pipeline.scan_lines import with_lines
 from tomo.scan import Corrections
 from tomo.scan._schema import _Corrections
 from tomo.scan.corrections import correction_line
@@ -83,10 +84,15 @@ def test_the_line_for_a_dark_frame_left_in_removes_it(taken):
 
 
 def lines_for(gains, scan):
-    """Return the corrections that gains propose, dark and gain."""
+    """Return the corrections that findings on gains and backgrounds propose."""
     names = scan.rig.names
-    dark = line_for_dark(dark_levels(None, gains, names), names, scan, fitted=True)
-    return lines_of(line or "" for line in (dark, line_for_gains(gains, names, scan.corrections)))
+    findings = [
+        Finding(effect, name, float(size))
+        for effect, sizes in (("gain", gains.gain - 1), ("background", gains.offset))
+        for name, size in zip(names, sizes, strict=True)
+    ]
+    found = with_lines(findings, None, gains, names, scan)
+    return lines_of({one.line for one in found if one.line})
 
 
 def test_the_lines_for_gains_are_in_the_scans_own_numbers(folder):
@@ -110,17 +116,16 @@ def test_one_number_stands_for_a_dark_level_that_all_cameras_share(folder):
     error, scan = np.full(3, 1e-4), load_scan(folder).only("cam00", "cam01", "cam02")
     gains = Gains(np.ones(3), np.array([0.0201, 0.02, 0.0199]), error, error)
     assert lines_for(gains, scan) == {"dark": 0.02}
-    unsure = replace(gains, offset_error=np.full(3, 0.01))
-    assert lines_for(unsure, scan) == {}
+    small = replace(gains, offset=np.full(3, 0.002))
+    assert lines_for(small, scan) == {}
 
 
 def test_a_dark_image_is_no_number_to_write(folder):
     scan = load_scan(folder).only("cam00", "cam01")
     dark = {"cam00": np.zeros(scan.rig["cam00"].image_size[::-1], np.float32)}
     known = replace(scan, corrections=Corrections(dark=dark))
-    line = line_for_dark({"cam01": 0.02}, scan.rig.names, known, fitted=False)
-    assert lines_of([line]) == {}
-    assert "Check the dark frames" in line
+    gains = replace(Gains.none(2), offset=np.array([0.0, 0.02]))
+    assert lines_for(gains, known) == {}
 
 
 PEDESTALS = {

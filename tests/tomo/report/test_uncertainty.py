@@ -5,6 +5,7 @@ from rigs import ring
 from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.pipeline import Reconstruction
+from tomo.pipeline.peak import Peak
 from tomo.pipeline.view import View
 from tomo.report.outcome_files import DEVIATION_FILES, write_outcome
 from tomo.report.uncertainty_figure import draw_deviations
@@ -44,7 +45,7 @@ def outcome_of(system, repeats):
         Solution(volume, GRID, (), {"method": "nnls"}),
         system.rig,
         tuple(View(name, image, image) for name in system.rig.names),
-        1.0,
+        Peak(1.0, ""),
         uncertainty=condition,
     )
 

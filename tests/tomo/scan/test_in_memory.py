@@ -1,5 +1,7 @@
 """Scans in memory: the same bits as through files, from images to volumes."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -92,6 +94,15 @@ def test_pixels_that_are_not_finite_are_refused_unless_masked():
         Scan.from_arrays(RIG, images).read()
     usable = {"cam02": np.isfinite(images["cam02"][0])}
     assert Scan.from_arrays(RIG, images, masks=usable).images()[2][3, 4] == 0
+
+
+def test_a_peak_is_saved_and_loaded_and_must_be_above_zero(tmp_path):
+    scan = replace(Scan.from_arrays(RIG, IMAGES, GRID), peak=0.5)
+    path = scan.save(tmp_path / "scan")
+    assert load_scan(path).peak == load_scan(path).scaled(2).peak == 0.5
+    path.write_text(path.read_text("utf-8").replace("peak: 0.5", "peak: 0"), "utf-8")
+    with pytest.raises(ValueError, match="peak: found 0, expected a number above 0"):
+        load_scan(path)
 
 
 def test_what_is_in_files_is_not_saved_as_if_it_were_in_memory(tmp_path):

@@ -8,7 +8,7 @@ CAMERAS = ("left", "right", "held")
 
 def answer(worst, complete=None):
     beyond = np.full((len(worst), 3), np.nan)
-    beyond[:, 0], beyond[:, 1] = 0.01, worst
+    beyond[:, 0], beyond[:, 1] = 0, worst
     beyond[~np.isfinite(beyond[:, 1]), 0] = np.nan
     complete = np.ones(len(worst)) if complete is None else complete
     table = {"view_beyond_noise": beyond, "complete": complete}
@@ -18,11 +18,11 @@ def answer(worst, complete=None):
 @pytest.mark.parametrize(
     ("worst", "verdict", "words"),
     [
-        ([0.01] * 8, "explained", "Explained: all 8 frames are explained"),
-        ([0.01] * 5 + [0.3], "explained", "Explained: 5 of 6 frames are explained"),
-        ([0.06] * 3, "partly explained", "Partly explained: all 3 frames up to 10%"),
+        ([0] * 8, "explained", "all 8 frames are explained"),
+        ([0] * 5 + [0.3], "explained", "5 of 6 frames are explained"),
+        ([0.02] * 3, "partly explained", "all 3 frames but for up to 10%"),
         ([0.2] * 3 + [0.01], "not explained", "3 of 4 frames miss more than 10% of an image"),
-        ([0.01, np.nan], "explained", "1 of 2 frames are dark"),
+        ([0, np.nan], "explained", "1 of 2 frames are dark"),
         ([np.nan] * 3, "not known", "Not known"),
     ],
 )
@@ -35,7 +35,7 @@ def test_the_answer_counts_frames_and_takes_the_middle_one(worst, verdict, words
 
 def test_the_least_explained_frame_and_camera_are_named():
     found = answer([0.02, 0.35, 0.02])
-    assert "least well frame 101, where camera right is off by 35.0%" in found.sentence
+    assert "least well frame 101, where camera right is off by 35%" in found.sentence
 
 
 def test_frames_that_are_not_complete_do_not_count():

@@ -37,6 +37,14 @@ def test_the_plan_says_what_was_settled_and_from_which_frames(undisturbed):
     assert set(plan["noise"]) == {"cam00", "cam01", "cam03", "cam04"}
 
 
+def test_psnr_and_ssim_say_their_peak_with_its_unit(undisturbed):
+    peak = undisturbed.attributes["plan"]["peak"]
+    assert peak["value"] > 0
+    assert (peak["unit"], peak["origin"]) == ("image units", "brightest measured pixel")
+    for name in ("psnr", "ssim"):
+        assert undisturbed.group[name].attrs["peak"] == peak
+
+
 def test_incomplete_frames_are_not_handed_out(undisturbed, tmp_path):
     store = SeriesStore.create(
         tmp_path / "out.zarr", undisturbed.grid, [0, 1], [0, 1], undisturbed.attributes

@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "value": ["Verdict", "LEVELS", "GREEN", "AMBER", "RED", "MEANS"],
-        "findings": ["expected_error", "least_measured"],
+        "facts": ["expected_error", "least_measured"],
         "rules": ["RULES", "Rule", "judge", "rules_that_apply", "worst_of"],
     },
 )

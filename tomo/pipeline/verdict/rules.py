@@ -8,11 +8,10 @@ from dataclasses import dataclass, field
 from functools import partial
 
 from rigs.check.resolved_wavelength import AS_LARGE
-from tomo.pipeline.answer import EXPLAINED, HARMFUL, NOT_EXPLAINED, PARTLY, UNKNOWN_VERDICT
-from tomo.pipeline.verdict import findings
-from tomo.pipeline.verdict.findings import Facts
+from tomo.pipeline.answer import HARMFUL
+from tomo.pipeline.verdict import facts
+from tomo.pipeline.verdict.facts import LARGE, Facts
 from tomo.pipeline.verdict.value import AMBER, GREEN, LEVELS, RED, Verdict
-from tomo.uncertainty.warnings import NOISY, UNEXPLAINED
 
 Finder = Callable[[Facts], Iterator[Facts]]
 """From ``report.json`` to the values of a rule's words, one mapping for each time it applies."""
@@ -25,6 +24,12 @@ FEWEST_VIEWS = 5
 TWO_VIEWS = 1.4
 """Wavelength that views leave unmeasured, relative to the emission's extent, from which they are
 no more than two at right angles, which reach 1.41. Three evenly spread views reach 1.0."""
+
+
+MISSED = 0.7, 1.0
+"""The part of an image that is neither volume nor noise, over the error that exact cameras would
+leave in the volume, from which the volume is amber and red. Lower: voxels that are coarse for the
+flame; higher: volumes 1.3 and 1.5 times as wrong as with exact cameras."""
 
 
 @dataclass(frozen=True)
@@ -85,75 +90,67 @@ def worst_of(verdicts: Sequence[Verdict]) -> str:
     return max((one.level for one in verdicts), key=LEVELS.index, default=GREEN)
 
 
+_CHECK = (
+    "Try smaller voxels (--spacing), and check that the flame did not move between the cameras' "
+    "exposures"
+)
+
 RULES: tuple[Rule, ...] = (
-    Rule(RED, partial(findings.answers, UNKNOWN_VERDICT),
+    Rule(RED, facts.unknown,
          "no image has light to compare the volume with",
          "Check the exposure, the dark level, and that the images belong to these cameras"),
-    Rule(AMBER, partial(findings.wrong, True), "{reason}", "{step}"),
-    Rule(AMBER, partial(findings.levels, "background"),
-         "light everywhere in the images of {cameras}, {camera} most ({level:.3g})",
-         "Subtract the background: the warning on the dark level has the line for scan.yaml"),
-    Rule(AMBER, partial(findings.levels, "below_zero"),
-         "too much was subtracted as dark in {cameras}, {camera} most ({level:.3g})",
-         "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)"),
-    Rule(AMBER, partial(findings.levels, "saturated"),
-         "overexposed: {cameras}, whose brightest pixels were left out",
-         "Expose camera {camera} shorter"),
-    Rule(AMBER, findings.carved,
+    Rule(AMBER, partial(facts.wrong, True), "{reason}", "{step}"),
+    Rule(AMBER, facts.carved,
          "{lost} of the light meets no voxel that was kept",
          "Keep all voxels (--no-skip)"),
-    Rule(RED, partial(findings.answers, NOT_EXPLAINED),
-         "the volume does not explain its images: up to {most} of an image is neither volume nor "
-         "noise",
-         "Try smaller voxels (--spacing), and check that the flame did not move between the "
-         "cameras' exposures"),
-    Rule(AMBER, partial(findings.answers, PARTLY),
-         "the volume explains its images in part: up to {most} of an image is neither volume nor "
-         "noise",
-         "Try smaller voxels (--spacing), and check that the flame did not move between the "
-         "cameras' exposures"),
-    Rule(RED, partial(findings.not_predicted, UNEXPLAINED, MANY),
-         "the held-out camera {camera} is not predicted: {missed} of its image is wrong "
-         "beyond noise",
+    Rule(RED, partial(facts.missed, MISSED[1], MANY),
+         "the volume is expected to be wrong by more than the {error} that exact cameras would "
+         "leave: up to {missed} of an image is neither volume nor noise",
+         _CHECK),
+    Rule(AMBER, partial(facts.missed, *MISSED),
+         "up to {missed} of an image is neither volume nor noise, where exact cameras would leave "
+         "an error of {error} in the volume",
+         _CHECK),
+    Rule(RED, partial(facts.not_predicted, more_than_stated=True),
+         "the held-out camera {camera} is not predicted: {missed} of its image is wrong beyond "
+         "noise, more than the {stated} to expect",
          "Check camera {camera}, and add cameras between the others"),
-    Rule(AMBER, partial(findings.not_predicted, HARMFUL, UNEXPLAINED),
+    Rule(AMBER, partial(facts.not_predicted, more_than_stated=False),
          "the held-out camera {camera} is predicted in part: {missed} of its image is wrong "
          "beyond noise",
          "Add cameras, or check the calibration of camera {camera}"),
-    Rule(RED, partial(findings.few, 1, 2),
+    Rule(RED, partial(facts.few, 1, 2),
          "too few for a volume: {cameras}. Many shapes have the same images",
          "Add cameras: four evenly spread ones are the least"),
-    Rule(RED, partial(findings.unmeasured, TWO_VIEWS, MANY),
+    Rule(RED, partial(facts.unmeasured, TWO_VIEWS, MANY),
          "cameras from these directions are too few for a volume: nothing fixes its shape along "
          "{direction}",
          "Add cameras that look across {direction}: four evenly spread ones are the least"),
-    Rule(AMBER, partial(findings.unmeasured, AS_LARGE, TWO_VIEWS),
+    Rule(AMBER, partial(facts.unmeasured, AS_LARGE, TWO_VIEWS),
          "few directions: the shape along {direction} is a guess, its error is not known",
          "Add a camera that looks across {direction}, or move one there"),
-    Rule(RED, partial(findings.uncertain, NOISY, MANY),
+    Rule(RED, partial(facts.uncertain, LARGE, MANY),
          "the error to expect of a voxel is {error} of the emission",
          "Add cameras, or average over frames"),
-    Rule(AMBER, partial(findings.uncertain, HARMFUL, NOISY),
+    Rule(AMBER, partial(facts.uncertain, HARMFUL, LARGE),
          "the error to expect of a voxel is {error} of the emission; "
          f"up to {HARMFUL:.0%} is good",
          "Trust sums and means over regions more than single voxels; more cameras narrow this"),
-    Rule(RED, findings.noisy,
-         "noise hides the volume: it moves voxels by {deviation} of the emission",
-         "Average over frames or regions, expose longer, or use fewer voxels"),
-    Rule(AMBER, findings.barely_seen,
+    Rule(AMBER, facts.barely_seen,
          "fewer than two cameras see {share} of the voxels that emit",
          "Do not use those voxels, or move the grid to where the cameras look"),
-    Rule(AMBER, partial(findings.few, 3, FEWEST_VIEWS - 1),
+    Rule(AMBER, partial(facts.few, 3, FEWEST_VIEWS - 1),
          f"with {{cameras}} a wrong one cannot be found: that takes {FEWEST_VIEWS}",
          "Add cameras, or check the calibration with check-rig and a calibration target"),
-    Rule(AMBER, findings.refined,
+    Rule(AMBER, facts.refined,
          "the positions of {cameras} were corrected from the images",
-         "{step}"),
-    Rule(AMBER, findings.nominal,
+         "Go on with the corrected rig (refined_rig.yaml, corrected_rig of a film's store) if it "
+         "explains the images: else cameras are bent to whatever is wrong"),
+    Rule(AMBER, facts.nominal,
          "the positions of {cameras} are nominal, not calibrated: images that agree do not prove "
          "them",
          "Calibrate them (calibrate-rig); where they were, say status: calibrated in the rig"),
-    Rule(AMBER, findings.unproved,
+    Rule(AMBER, facts.unproved,
          "how far off voxels are was not measured",
          "Reconstruct single frames (--uncertainty auto), or hold a camera out (--hold-out NAME)"),
 )  # fmt: skip
@@ -161,18 +158,17 @@ RULES: tuple[Rule, ...] = (
 other things seem wrong."""
 
 FOR_IT: tuple[Rule, ...] = (
-    Rule(GREEN, partial(findings.answers, EXPLAINED),
-         "the volume explains the images of all {views} cameras up to their noise"),
-    Rule(GREEN, partial(findings.wrong, False), "{reason}", "{step}"),
-    Rule(GREEN, findings.views, "about {views} cameras see each voxel that emits"),
-    Rule(GREEN, findings.error, "the error to expect of a voxel is {error} of the emission"),
-    Rule(GREEN, findings.predicted,
+    Rule(GREEN, facts.explained,
+         "the volume explains the images of all {views} cameras {rest}"),
+    Rule(GREEN, partial(facts.wrong, False), "{reason}", "{step}"),
+    Rule(GREEN, facts.error, "the error to expect of a voxel is {error} of the emission"),
+    Rule(GREEN, facts.predicted,
          "camera {camera}, which was held out, is predicted: {missed} of its image is wrong "
          "beyond noise"),
-    Rule(GREEN, findings.without_check,
+    Rule(GREEN, facts.without_check,
          "",
          "Check it once with an image that it never saw: run again with --hold-out {camera}"),
-    Rule(GREEN, findings.always,
+    Rule(GREEN, facts.always,
          "",
          "Use volume.vti (ParaView), volume.nrrd (3D Slicer) or volume.npz (Python), with "
          "half_width.* as error bars"),

@@ -61,7 +61,7 @@ def plume(folder: Path, full: bool, progress: Progress) -> list[dict[str, Any]]:
 
 
 def _predicted(scan: Scan, grid: VoxelGrid, frame: str, camera: str, skip: bool) -> dict[str, Any]:
-    outcome = reconstructed(scan, grid, frame=frame, hold_out=[camera], skip=skip)
+    outcome = reconstructed(scan, grid, frame=frame, hold_out=[camera], skip=skip, peak=1.0)
     report = outcome.report()
     figures = {key: report["held_out"][camera][key] for key in ("psnr", "ssim", "cosine")}
     return {

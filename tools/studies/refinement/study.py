@@ -110,7 +110,7 @@ def plume(folder: Path, progress: Progress) -> list[dict[str, Any]]:
     for number, name in enumerate(scan.rig.names):
         progress(number, len(scan.rig), f"plume without {name}")
         chosen = [camera for camera in NOMINAL if camera != name]
-        how = {"hold_out": [name]}
+        how = {"hold_out": [name], "peak": 1.0}
         found = reconstructed(scan.scaled(6), grid, frame=first, refine_cameras=chosen, **how)
         rig = found.refined_rig or scan.rig
         held = tuple(scan.rig[name] if camera.name == name else camera for camera in rig)

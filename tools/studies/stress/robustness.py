@@ -162,14 +162,14 @@ class _Measured:
         self.errors[kind].append((where, times))
         self.cosines[kind] = max(self.cosines[kind], cosine)
         faults = self.faults[kind]
-        if bad_pixels and not any("of the pixels are outliers" in w for w in outcome.warnings):
+        if bad_pixels and not any(one.effect == "bad pixels" for one in outcome.findings):
             faults.append(f"{where}: no warning")
         if wrong is not None:
             faults += [f"{where}: {fault}" for fault in _not_as_named(outcome, wrong)]
 
 
 def _not_as_named(outcome: Reconstruction, wrong: tuple[str, ...]) -> Iterator[str]:
-    found = {one.camera for one in outcome.findings if one.camera}
+    found = {one.camera for one in outcome.findings if one.camera and one.effect != "bad pixels"}
     for name in wrong:
         if name not in found:
             yield f"{name} not named"

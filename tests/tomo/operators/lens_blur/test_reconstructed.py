@@ -58,7 +58,7 @@ def test_wernet_sees_through_a_disc(scans, out_of_focus):
     assert distance(found) < 0.7 * distance(unaware)
     views = [{view.name: view for view in one.views}["cam02"] for one in (found, unaware)]
     assert views[0].held_out
-    psnr = [view.similarity(found.data_range)["psnr"] for view in views]
+    psnr = [view.similarity(found.peak.value)["psnr"] for view in views]
     assert psnr[0] > psnr[1] + 3
     mlem = [one.comparisons[0].quality["cosine_distance"] for one in (found, unaware)]
     assert mlem[0] < 0.8 * mlem[1]
