@@ -41,8 +41,12 @@ def assess(
     solved: Solved,
     options: Options,
     progress: Progress | None = None,
+    light_error: float = 0.0,
 ) -> Assessed:
-    """Solve a known answer like the volume with new noise, and see how far off that is."""
+    """Solve a known answer like the volume with new noise, and see how far off that is.
+
+    ``light_error`` is what is not known of the total light beside, relative.
+    """
     uncertainty = None
     system, unseen = solved.system, solved.built.system.unseen
     with timed() as stage:
@@ -55,6 +59,7 @@ def assess(
                 repeatable(solved, options),
                 solve_of=solver_of(solved) if chosen else None,
                 cuttable=system.projector,
+                light_error=light_error,
                 repeats=repeats_of(options),
                 seed=options.seed,
                 progress=progress,

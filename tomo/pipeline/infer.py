@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding, together
 from tomo.inference.infer import Inference, infer
+from tomo.inference.light_error import light_error
 from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
 from tomo.inference.steps import mean_volume
@@ -157,6 +158,7 @@ def _inferred(
         gains=_gains(found, corrections, whole, copy.power),
         emission=_emission(found, copy, grid) if corrections.absorption.emission else None,
         limits=_limits(found, copy) if options.uncertainty else None,
+        light_error=light_error(found) if options.uncertainty else 0.0,
     )
 
 

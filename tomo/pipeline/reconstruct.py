@@ -73,6 +73,7 @@ def _run_stages(
     compared = compare(solved.built, options, watch=reference.watch, progress=step)
     stage("predicted images")
     evaluated = evaluate(loaded, ready.screened, solved, compared, ready.apart, reference, options)
-    assessed = assess(solved, options, progress=stage("how far to trust it"))
+    step = stage("how far to trust it")
+    assessed = assess(solved, options, step, ready.screened.light_error)
     stages = Stages(reference, loaded, ready, solved, compared, evaluated, assessed)
     return assemble(stages, options, first_use=first_use, seconds=time.perf_counter() - began)

@@ -70,6 +70,8 @@ class ScreenedScan:
         A quick volume, of gas that absorbs its own light.
     limits : Limits, optional
         The smallest faults that these images would tell; None where that was not asked for.
+    light_error : float
+        Relative standard deviation of the total light by what was found of cameras and gas.
     record : Record
     """
 
@@ -88,6 +90,7 @@ class ScreenedScan:
     places: tuple[Place, ...] = ()
     emission: NDArray[np.float32] | None = None
     limits: Limits | None = None
+    light_error: float = 0.0
     record: Record = Record()
 
 

@@ -170,6 +170,7 @@ def assess(
     *,
     solve_of: SolveOf | None = None,
     cuttable: ProjectionOperator | None = None,
+    light_error: float = 0.0,
     repeats: int = AUTO_REPEATS,
     seed: int = 0,
     progress: Progress | None = None,
@@ -189,6 +190,8 @@ def assess(
         The same solve from a start of its own, also of a part of the volume; ``solve`` when None.
     cuttable : ProjectionOperator, optional
         The projection that parts are cut from: then `AUTO_REPEATS` repeats are those of a slab.
+    light_error : float
+        Relative standard deviation of the total light by what was found of cameras and gas.
     repeats : int
         Repeats with new noise; one more solve measures the resolution. More than `AUTO_REPEATS`
         are solves of the whole volume beside these. 0 for none.
@@ -260,6 +263,7 @@ def assess(
         where,
         emission,
         unexplained,
+        light_error,
     )
     share = norm(noise) / size
     return Assessment(active, unknowns, found, residual, share, deviations, width, known)

@@ -130,6 +130,7 @@ def intervals(
     where: NDArray[np.bool_],
     size: float,
     unexplained: float,
+    light_error: float = 0.0,
 ) -> Intervals | None:
     """Return the intervals of a volume; None where too few voxels emit.
 
@@ -149,6 +150,8 @@ def intervals(
         Root mean square of the emission.
     unexplained : float
         Fraction of the images that neither volume nor noise explains.
+    light_error : float
+        Relative standard deviation of the total light by what was found of cameras and gas.
 
     Notes
     -----
@@ -160,7 +163,8 @@ def intervals(
 
     Plane sums have the same errors as those of the known answer, relative to their root mean
     square, and in squares a common factor: the relative difference between the images' light and
-    that of their re-projections, and `LIGHT` times the unexplained part. An edge moves as the sums
+    that of their re-projections, `LIGHT` times the unexplained part, and ``light_error``. An edge
+    moves as the sums
     beside it change, over their slope.
     """
     if np.count_nonzero(where) < FEWEST or not moved.truth[where].sum() > 0:
@@ -172,7 +176,8 @@ def intervals(
     pattern = growth * learned(list(moved.found), errors, where, size, LEVEL).of(volume)
     by_noise = NORMAL * deviations.astype(np.float64)
     together = np.maximum(active.compress(pattern), by_noise)
-    light = math.hypot(_light_mismatch(system, measured, seen), LIGHT * unexplained)
+    mismatch = _light_mismatch(system, measured, seen)
+    light = math.hypot(mismatch, LIGHT * unexplained, light_error)
     truth = np.where(where, moved.truth, 0.0)
     own = [np.where(where, error, 0.0) for error in errors]
     noise = (np.where(where, moved.noise, 0.0),)
