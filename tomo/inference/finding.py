@@ -29,7 +29,7 @@ class Finding:
     consequence : float, optional
         What the effect changes of the camera's image, relative to it, root mean square.
     other : str, optional
-        Another camera that is concerned.
+        Another camera that is concerned; how an image is turned over; where gas is.
     """
 
     effect: str
@@ -47,7 +47,7 @@ class Finding:
         """What was found, what it means, and what to do."""
         what = WORDS[self.effect][0]
         who = "all cameras" if self.camera is None else f"camera {self.camera}"
-        text = what.format(who=who, size=self._size, other=self.other)
+        text = what.format(who=who, size=self._size, other=self.other or "in the grid")
         done = "corrected" if self.corrected else "not corrected"
         if self.effect in LEFT_OUT:
             done = "left out" if self.corrected else "it still takes part"
@@ -101,7 +101,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "Take a flat field and name it in scan.yaml (corrections: flat)",
     ),
     "absorption": (
-        "the gas absorbs: optical depth {size}",
+        "gas {other} absorbs: optical depth {size}",
         "If the gas is transparent, reconstruct with --no-fit-absorption; else measure it",
     ),
     "outside": (

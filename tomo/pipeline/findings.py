@@ -9,8 +9,8 @@ from rigs import CameraLike
 from tomo.inference.finding import Finding
 from tomo.inference.infer import Inference
 from tomo.inference.state import State
-from tomo.inference.steps import fraction_outside
-from tomo.model import Background, Corrections, Observation
+from tomo.inference.steps import fraction_outside, mean_volume
+from tomo.model import Absorber, Background, Corrections, Observation
 
 
 def findings_of(
@@ -23,7 +23,10 @@ def findings_of(
         score = found.scores.get(effect.name, np.zeros(len(names)))
         if effect.shared and values.any():
             size, most = float(values[0, 0]), float(score.max())
-            if effect.of_gas:
+            if isinstance(effect, Absorber):
+                size, where = effect.seen_from(values[0], mean_volume(state.fits))
+                said.append(Finding("absorption", size=size, score=most, other=where))
+            elif effect.of_gas:
                 said.append(Finding("absorption", size=size, score=most))
             else:
                 said.append(Finding(effect.name, size=size, unit="%", score=most))
