@@ -147,11 +147,13 @@ def check_rig(
 def _limits(rig: Rig, voxels: VoxelGrid, noise: float) -> Limits:
     """Return how small a fault of each camera would be noticed."""
     from tomo.operators import TRANSPARENT
+    from tomo.pipeline.coarse import factor_of
     from tomo.pipeline.infer import effects_of
     from tomo.pipeline.limits import limits_of_rig
     from tomo.pipeline.options import Options
 
-    return limits_of_rig(rig, voxels, effects_of(Options(), TRANSPARENT, 1), noise)
+    effects = effects_of(Options(), TRANSPARENT, voxels, factor_of(rig, voxels))
+    return limits_of_rig(rig, voxels, effects, noise)
 
 
 def _limits_table(limits: Limits) -> Table:

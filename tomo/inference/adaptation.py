@@ -14,7 +14,7 @@ from tomo.inference.fit import Fit, continued
 from tomo.inference.scores import HIDDEN, NEGLIGIBLE, OUTSIDE, Scores
 from tomo.inference.solve import Values, next_fit, next_fits
 from tomo.inference.state import State, corrected
-from tomo.inference.steps import mean_volume
+from tomo.inference.steps import mean_volume, sizes_of
 from tomo.model.effect import Effect
 from tomo.model.gauge import without_gauge
 from tomo.model.observation import Observation
@@ -76,9 +76,10 @@ class Adaptation:
         if largest[OUTSIDE] >= max(largest.values()):
             return self._around(state)
         worst = max((n for n in largest if n != OUTSIDE), key=largest.__getitem__)
-        trials = {}
-        if worst != HIDDEN and (ratio[worst] >= 1).mean() > 0.5:
-            trials[worst, ALL] = state.loosened(worst, np.full(len(state.hidden), True))
+        trials, gas = {}, {effect.name for effect in self.effects if effect.of_gas}
+        for name in sorted({worst, *gas} - {HIDDEN}):
+            if (ratio[name] >= 1).mean() > 0.5:
+                trials[name, ALL] = self._loosened(state, name)
         own = {e.name for e in self.effects if not e.shared}
         single = {n: ratio[n] for n in (own | {HIDDEN}) - ({worst} if trials else set())}
         most = max(single, key=lambda name: (single[name].max(), name))
@@ -92,9 +93,18 @@ class Adaptation:
         if HIDDEN in single and single[HIDDEN][view] >= RIVAL and (tried or most == HIDDEN):
             tried[HIDDEN, view] = _without_hidden(state, np.arange(len(state.hidden)) == view)
         scales = np.min([one.scales for one in tried.values()], axis=0)
-        cost = {key: one.cost(scales, self.deviation) for key, one in tried.items()}
+        cost = {key: one.cost(scales, self.effects, self.deviation) for key, one in tried.items()}
         least = min(cost, key=cost.__getitem__)
         return tried[least] if least[0] == HIDDEN else self.relaxed(tried[least])
+
+    def _loosened(self, state: State, name: str) -> State:
+        """Return the state with an effect let loose in all views, a field with its even part."""
+        every = np.full(len(state.hidden), True)
+        for effect in self.effects:
+            even = effect.field_of if effect.name == name else None
+            if even is not None and even in state.free:
+                state = state.loosened(even, every)
+        return state.loosened(name, every)
 
     def _around(self, state: State) -> State:
         """Return the state with light from around the grid, or with backgrounds if these do."""
@@ -104,7 +114,7 @@ class Adaptation:
             return around
         level = self.relaxed(state.loosened("background", np.full(len(state.hidden), True)))
         scales = np.minimum(around.scales, level.scales)
-        cost = [one.cost(scales, self.deviation) for one in (around, level)]
+        cost = [one.cost(scales, self.effects, self.deviation) for one in (around, level)]
         return around if cost[0] < ALIKE * cost[1] else replace(level, is_dark_around=True)
 
     def pruned(self, state: State, asked: Sequence[str]) -> State:
@@ -113,8 +123,9 @@ class Adaptation:
         for effect in self.effects:
             name, value = effect.name, state.values[effect.name]
             limit = scores.shared_limit if effect.shared else scores.own_limit
-            spread = np.hypot(scores.spread.get(name, 0.0), NEGLIGIBLE * self.deviation[name])
-            far = np.abs(value) > RIVAL * limit * spread
+            spread = np.hypot(scores.spread.get(name, 0.0), scores.least(effect))
+            size = sizes_of(effect, value, self.deviation[name])
+            far = np.abs(size) > RIVAL * limit * spread
             most = state.free[name].any(axis=1).mean() > 0.5  # found from all of them together
             kept = name in asked or (most and not effect.shared)
             real = far.any(axis=1, keepdims=True) | kept
@@ -130,7 +141,7 @@ class Adaptation:
         best, least = state, np.inf  # the first step may cost more before others cost less
         for _ in range(steps):
             state, size = self._stepped(state)
-            cost = state.cost(scales, self.deviation)
+            cost = state.cost(scales, self.effects, self.deviation)
             if cost > least:
                 break
             best, least = state, cost
@@ -145,7 +156,7 @@ class Adaptation:
         moved = {}
         for effect in self.effects:
             change = step[effect.name]
-            if effect.shared and change.any():  # to where one more step is the null's
+            if effect.shared and effect.field_of is None and change.any():  # to the null's step
                 change = change - self.scores.bias.get(effect.name, 0.0)
             most = PLAUSIBLE * self.deviation[effect.name] if effect.shared else np.inf
             moved[effect.name] = np.minimum(values[effect.name] + change, most)

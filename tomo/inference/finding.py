@@ -30,7 +30,7 @@ class Finding:
     consequence : float, optional
         What the effect changes of the camera's image, relative to it, root mean square.
     other : str, optional
-        Another camera that is concerned, or how an image is turned.
+        Another camera that is concerned, how an image is turned, or where gas is.
     line : str, optional
         What to write into the scan file, of all cameras with this effect.
     """
@@ -99,7 +99,7 @@ def _in_words(group: list[Finding]) -> Said:
         if len(group) <= MOST_NAMED:
             who = f"cameras {', '.join(str(one.camera) for one in group)}"
     done = "left out" if most.effect in LEFT_OUT else "corrected"
-    text = WORDS[most.effect][0].format(who=who, size=size, other=most.other)
+    text = WORDS[most.effect][0].format(who=who, size=size, other=most.other or "in the grid")
     text += f": {done if most.corrected else f'not {done}'}"
     return Said(text, most.step)
 
@@ -155,7 +155,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "Take a flat field and name it in scan.yaml (corrections: flat)",
     ),
     "absorption": (
-        "the gas absorbs, optical depth {size}",
+        "gas {other} absorbs: optical depth {size}",
         "If the gas is transparent, reconstruct with --no-fit-absorption; else measure it",
     ),
     "outside": (

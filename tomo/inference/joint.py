@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
 
 from tomo._compute.reductions import dot
 from tomo.operators.operator import ProjectionOperator
@@ -16,16 +17,17 @@ from tomo.priors import RelativeCurvature
 
 
 class Unknowns(NamedTuple):
-    """Voxels, voxels around the grid, parameters of the views, and those that views share.
+    """Voxels, voxels around the grid, parameters of the views, those that views share, a field.
 
-    Each frame has its own voxels; the parameters are common to all frames, in standard deviations
-    of their priors.
+    Each frame has its own voxels; the others are common to all frames. Parameters are in standard
+    deviations of their priors.
     """
 
     voxels: NDArray[np.float64]  # (frames, unknowns)
     outside: NDArray[np.float64]  # (frames, outside unknowns)
     own: NDArray[np.float64]  # (parameters, views)
     shared: NDArray[np.float64]  # (parameters,)
+    nodes: NDArray[np.float64]  # (nodes,), of the field
 
     def plus(self, step: float, other: Unknowns) -> Unknowns:
         """Return the sum with ``step`` times another."""
@@ -38,7 +40,7 @@ class Unknowns(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class FrameProblem:
-    """``||W^½ (b - A x - B o - T t)||² + s ||D x||² + q ||o||²`` of one frame.
+    """``||W^½ (b - A x - B o - T t - F f)||² + s ||D x||² + q ||o||²`` of one frame.
 
     Attributes
     ----------
@@ -58,6 +60,8 @@ class FrameProblem:
         ``B``, of voxels around the grid.
     outside_strength : float
         ``q``.
+    field : LinearOperator, optional
+        ``F``, of the nodes of a field; its entries have one sign.
     """
 
     operator: ProjectionOperator
@@ -68,6 +72,7 @@ class FrameProblem:
     shared: NDArray[np.float64]
     outside: ProjectionOperator | None = None
     outside_strength: float = 0.0
+    field: LinearOperator | None = None
 
     @cached_property
     def _views(self) -> list[slice]:
@@ -83,9 +88,9 @@ class FrameProblem:
         return found
 
     def forward(
-        self, x: NDArray, o: NDArray, own: NDArray, shared: NDArray
+        self, x: NDArray, o: NDArray, own: NDArray, shared: NDArray, nodes: NDArray
     ) -> NDArray[np.float64]:
-        """Return ``A x + B o + T t``, ``(pixels,)``."""
+        """Return ``A x + B o + T t + F f``, ``(pixels,)``."""
         pixels = np.asarray(self.operator @ x.astype(np.float32), np.float64)
         if self.outside is not None:
             pixels = pixels + np.asarray(self.outside @ o.astype(np.float32), np.float64)
@@ -93,17 +98,21 @@ class FrameProblem:
             pixels[rows] += np.einsum("kp,k->p", self.own[:, rows], own[:, view])
         for column, value in zip(self.shared, shared, strict=True):
             pixels = pixels + column * value
+        if self.field is not None:
+            pixels = pixels + np.asarray(self.field @ nodes.astype(np.float32), np.float64)
         return pixels
 
     def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
         """Return the adjoint of `forward`: voxels ``(unknowns,)``, and so on."""
         single = pixels.astype(np.float32)
         outside = np.zeros(0) if self.outside is None else self.outside.T @ single
+        nodes = np.zeros(0) if self.field is None else self.field.T @ single
         return Unknowns(
             np.asarray(self.operator.T @ single, np.float64),
             np.asarray(outside, np.float64),
             self.view_sums(self.own, pixels),
             np.einsum("kp,p->k", self.shared, pixels),
+            np.asarray(nodes, np.float64),
         )
 
     def _bent(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -127,7 +136,7 @@ class FrameProblem:
         )
 
     def diagonals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return a bound of the normal matrix's diagonal, of voxels in and around the grid."""
+        """Return bounds of the normal matrix's diagonal, of voxels in and around the grid."""
         curvature = 8 * self.strength * float(np.mean(self.prior.weights.astype(np.float64)) ** 2)
         lengths = self.weights * np.asarray(self.operator.row_sums)
         x = np.asarray(self.operator.T @ lengths.astype(np.float32), np.float64) + curvature
@@ -137,6 +146,14 @@ class FrameProblem:
         lengths = self.weights * np.asarray(self.outside.row_sums)
         o = np.asarray(self.outside.T @ lengths.astype(np.float32)) + self.outside_strength
         return x, o
+
+    def field_diagonal(self) -> NDArray[np.float64]:
+        """Return the same bound of the field's nodes, ``(nodes,)``."""
+        if self.field is None:
+            return np.zeros(0)
+        return np.asarray(
+            self.field.T @ (self.weights * (self.field @ np.ones(self.field.shape[1])))
+        )
 
     def grams(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return ``T^T W T`` of each view's own parameters, and of those that views share."""
@@ -149,7 +166,7 @@ class FrameProblem:
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """The sum of the frames' problems and of ``||t + d||²``, with x and o above zero.
+    """The sum of the frames' problems, of ``||t + d||²`` and ``2 p'f``; x, o, f are above zero.
 
     Attributes
     ----------
@@ -157,15 +174,18 @@ class Joint:
         Each of the same pixels and voxels.
     departure : tuple of (parameters, views) and (parameters,) float64
         ``d``: how far the parameters are from the mean of their priors already.
+    pull : (nodes,) float64
+        ``p``: how strongly each node of the field is pulled to zero.
     """
 
     frames: Sequence[FrameProblem]
     departure: tuple[NDArray[np.float64], NDArray[np.float64]]
+    pull: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
     def forward(self, z: Unknowns) -> NDArray[np.float64]:
         """Return what each frame predicts, ``(frames, pixels)``."""
         each = zip(self.frames, z.voxels, z.outside, strict=True)
-        return np.stack([one.forward(x, o, z.own, z.shared) for one, x, o in each])
+        return np.stack([one.forward(x, o, *z[2:]) for one, x, o in each])
 
     def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
         """Return the adjoint of `forward`."""
@@ -182,7 +202,9 @@ class Joint:
         each = zip(self.frames, z.voxels, z.outside, residual, strict=True)
         g = _summed([one.downhill(x, o, own) for one, x, o, own in each])
         return g._replace(
-            own=g.own - z.own - self.departure[0], shared=g.shared - z.shared - self.departure[1]
+            own=g.own - z.own - self.departure[0],
+            shared=g.shared - z.shared - self.departure[1],
+            nodes=g.nodes - self.pull,
         )
 
     def _preconditioner(self) -> Callable[[Unknowns, Unknowns], Unknowns]:
@@ -192,6 +214,8 @@ class Joint:
         grams, gram = (np.sum(each, axis=0) for each in both)
         blocks = np.asarray(np.linalg.inv(grams + np.eye(grams.shape[1])), np.float64)
         common = np.linalg.inv(gram + np.eye(len(gram)))
+        nodes = np.sum([one.field_diagonal() for one in self.frames], axis=0)
+        nodes = np.maximum(nodes, 1e-9 * nodes.max(initial=1e-30))  # no pixel sees some
 
         def apply(g: Unknowns, free: Unknowns) -> Unknowns:
             return Unknowns(
@@ -199,6 +223,7 @@ class Joint:
                 g.outside * free.outside / o,
                 np.einsum("vij,jv->iv", blocks, g.own),
                 common @ g.shared,
+                g.nodes * free.nodes / nodes,
             )
 
         return apply
@@ -208,7 +233,7 @@ class Joint:
     ) -> tuple[Unknowns, NDArray[np.float64]]:
         """Return the unknowns after some iterations of projected conjugate gradients from ``z``.
 
-        Also returns the residual ``b - A x - B o - T t``, ``(frames, pixels)`` as ``b``.
+        Also returns the residual ``b - A x - B o - T t - F f``, ``(frames, pixels)`` as ``b``.
         """
         precondition = self._preconditioner()
         residual = b - self.forward(z)
@@ -232,7 +257,7 @@ class Joint:
                 break
             there = z.plus(step, direction)
             change = _feasible(there).plus(-1.0, z)
-            if (there.voxels < 0).any() or (there.outside < 0).any():
+            if any((own < 0).any() for own in (there.voxels, there.outside, there.nodes)):
                 image = self.forward(change)
                 energy = self._energy(change, image)
                 step = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
@@ -250,6 +275,7 @@ def _summed(each: Sequence[Unknowns]) -> Unknowns:
         np.stack([one.outside for one in each]),
         np.sum([one.own for one in each], axis=0),
         np.sum([one.shared for one in each], axis=0),
+        np.sum([one.nodes for one in each], axis=0),
     )
 
 
@@ -260,9 +286,11 @@ def _free(z: Unknowns, downhill: Unknowns) -> Unknowns:
         np.where((z.outside <= 0) & (downhill.outside <= 0), 0.0, 1.0),
         np.ones_like(z.own),
         np.ones_like(z.shared),
+        np.where((z.nodes <= 0) & (downhill.nodes <= 0), 0.0, 1.0),
     )
 
 
 def _feasible(z: Unknowns) -> Unknowns:
-    """Return the nearest unknowns of which no voxel is below zero."""
-    return z._replace(voxels=np.maximum(z.voxels, 0), outside=np.maximum(z.outside, 0))
+    """Return the nearest unknowns of which no voxel and no node is below zero."""
+    voxels, outside, nodes = (np.maximum(own, 0) for own in (z.voxels, z.outside, z.nodes))
+    return z._replace(voxels=voxels, outside=outside, nodes=nodes)

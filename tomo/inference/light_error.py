@@ -31,7 +31,7 @@ def light_error(found: Inference) -> float:
     squares = 0.0
     for effect in found.effects:
         free = state.free[effect.name]
-        if not free.any() or effect.name not in spread:
+        if not free.any() or effect.name not in spread or effect.field_of is not None:
             continue
         change = (_sums(effect.columns(at), fit) / light).T  # (views, parameters)
         error = change * np.where(free, spread[effect.name], 0.0) / views

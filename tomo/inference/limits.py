@@ -64,7 +64,7 @@ def detection_limits(found: Inference, draw_null: bool = False) -> DetectionLimi
     sizes, alike = _of_cameras(found, steps, draw_null)
     if draw_null:
         for effect in found.effects:
-            if effect.shared:
+            if effect.shared and effect.field_of is None:
                 size = _of_all(found, steps, effect)
                 sizes[effect.name, effect.parameters[0]] = np.full(len(found.state.hidden), size)
     names = tuple(found.state.fits[0].observation.rig.names)

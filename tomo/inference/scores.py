@@ -21,10 +21,11 @@ FALSE_ALARMS = 0.02
 NEGLIGIBLE = 0.1
 """Size of an effect, in standard deviations of its prior, that is never told from voxels."""
 
-OUTSIDE, HIDDEN = "outside", "hidden"
+OUTSIDE, HIDDEN, FIELD = "outside", "hidden", "field"
 
-LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002}
-"""The same for light from outside, a fraction of all, and for pixels that nothing explains."""
+LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002, FIELD: 0.0005}
+"""The same for light from outside, a fraction of all; for pixels that nothing explains; and for
+the mean of a field, in its standard deviations: larger, faint clouds stay."""
 
 
 class Scores:
@@ -96,7 +97,7 @@ class Scores:
         steps, views = Steps(state.fits, self.effects, state.values), len(state.hidden)
         found: dict[str, NDArray[np.float64]] = {}
         for effect in self.effects:
-            name, least = effect.name, NEGLIGIBLE * self.deviation[effect.name]
+            name, least = effect.name, self.least(effect)
             if state.free[name].all() or (effect.shared and state.has_outside):
                 found[name] = np.zeros(views)  # its null has no light around the grid
             elif effect.shared:
@@ -119,11 +120,20 @@ class Scores:
             self.highest[name] = np.maximum(self.highest.get(name, 0), ratio)
         return found
 
+    def least(self, effect: Effect) -> NDArray[np.float64]:
+        """Return the sizes that are never told from voxels, ``(views, parameters)``."""
+        deviation = self.deviation[effect.name]
+        if effect.field_of is not None:
+            return np.full_like(deviation, LEAST[FIELD])
+        return NEGLIGIBLE * deviation
+
     def _shared(self, steps: Steps, effect: Effect, least: float) -> float:
         """Return the score over its limit of an effect that all views share."""
         value = steps.shared(effect)
         if value <= 0:  # the wrong sign is no evidence, whatever the null
             return 0.0
+        if effect.field_of is not None and value <= self.shared_limit * least:
+            return 0.0  # the null, which is never below zero, need not be drawn
         mean, spread = self.shared_null(effect, steps)
         self.bias[effect.name], self.spread[effect.name] = mean, np.array([spread])
         return (value - mean) / float(np.hypot(spread, least)) / self.shared_limit

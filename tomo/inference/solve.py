@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
 
 from tomo.grid import ActiveVoxels
 from tomo.inference.fit import Fit, equations_of, variance_of
@@ -27,6 +28,10 @@ look like faults of cameras; higher, voxels imitate these faults."""
 
 OUTSIDE = 0.3
 """Standard deviation of the emission around the grid, as a fraction of the peak in it."""
+
+PROBES = 4
+"""Draws of noise that tell how far it pushes a field. Fewer, the limit is known to some per cent;
+more take longer."""
 
 FIRST, THEN = 8, 16
 """Iterations of MLEM at the start, and of conjugate gradients of every solve."""
@@ -104,7 +109,7 @@ def next_fits(
     problems, variances = [], []
     for one in found:
         projector = one.system.projector
-        prediction = Prediction(one.observation, one.system, one.unknowns.astype(np.float32))
+        prediction = _prediction(one)
         variances.append(variance_of(one.system, one.observation, prediction.pixels))
         lit = one.unknowns[one.unknowns > 0]
         peak = float(np.percentile(lit, 99)) if len(lit) else 1.0
@@ -117,15 +122,23 @@ def next_fits(
                 *parameters.columns(prediction),
                 None if one.around is None else one.around.projector,
                 1 / (OUTSIDE * peak) ** 2,
+                parameters.field.columns(prediction) if parameters.field else None,
             )
         )
+    operators = [one.field for one in problems if one.field is not None]
+    own, shared = map(np.zeros_like, parameters.departure)
     start = Unknowns(
         np.stack([one.unknowns for one in found]),
         np.stack([one.outside for one in found]),
-        *map(np.zeros_like, parameters.departure),
+        own,
+        shared,
+        parameters.nodes,
     )
     measured = np.stack([one.measured for one in found])
-    z, residual = Joint(problems, parameters.departure).solve(measured, start, THEN)
+    if operators:  # a field is solved for itself, not for its change
+        measured = measured + [one @ parameters.nodes for one in operators]
+    pull = _pull(operators, [one.weights for one in problems])
+    z, residual = Joint(problems, parameters.departure, pull).solve(measured, start, THEN)
     fits = []
     for one, voxels, outside, left, variance in zip(
         found, z.voxels, z.outside, residual, variances, strict=True
@@ -140,16 +153,58 @@ def next_fits(
     return tuple(fits), parameters.values(z)
 
 
+def rises(found: Sequence[Fit], effect: Effect) -> bool:
+    """Return whether a field that is zero explains more anywhere than noise may.
+
+    Else it stays exactly zero in `next_fits`.
+    """
+    operators, weights, steep = [], [], []
+    for one in found:
+        prediction = _prediction(one)
+        variance = variance_of(one.system, one.observation, prediction.pixels)
+        operators.append(effect.columns(prediction))
+        weights.append(one.trust / (variance * one.inflation))
+        steep.append(operators[-1].T @ (weights[-1] * one.residual))
+    return bool((np.sum(steep, axis=0) > _pull(operators, weights)).any())
+
+
+def _prediction(one: Fit) -> Prediction:
+    return Prediction(one.observation, one.system, one.unknowns.astype(np.float32))
+
+
+def _pull(
+    operators: Sequence[LinearOperator], weights: Sequence[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    """Return how strongly each node of a field is pulled to zero, ``(nodes,)``.
+
+    As strongly as noise pushes the most pushed of so many nodes, and more where the images are
+    more sensitive than on average: it is there that detail finer than voxels looks like gas.
+    """
+    if not operators:
+        return np.zeros(0)
+    random, nodes = np.random.default_rng(0), operators[0].shape[1]
+    pushed, seen = np.zeros((PROBES, nodes)), np.zeros(nodes)
+    for operator, weight in zip(operators, weights, strict=True):
+        for one in pushed:
+            one += operator.T @ (np.sqrt(weight) * random.choice((-1.0, 1.0), len(weight)))
+        seen += operator.T @ (weight * (operator @ np.ones(nodes)))
+    relative = np.sqrt(np.maximum(seen / max(seen.mean(), 1e-300), 1.0))
+    return np.sqrt(2 * np.log(nodes)) * np.sqrt(np.mean(np.square(pushed))) * relative
+
+
 @dataclass(frozen=True, eq=False)
 class _Parameters:
     """The parameters of effects that may change, and how far each is from its prior's mean.
 
-    Those of single views come first, ``(parameters, views)``, then those that views share.
+    Those of single views come first, ``(parameters, views)``, then those that views share. A field
+    has the values of its nodes instead.
     """
 
     effects: Sequence[Effect]
     deviations: Values
     departure: tuple[NDArray[np.float64], NDArray[np.float64]]
+    field: Effect | None
+    nodes: NDArray[np.float64]
 
     @classmethod
     def of(
@@ -159,18 +214,21 @@ class _Parameters:
         free: Mapping[str, NDArray[np.bool_]] | None,
         values: Values | None,
     ) -> _Parameters:
-        deviations, own, shared = {}, [], []
+        deviations, own, shared, field, nodes = {}, [], [], None, np.zeros(0)
         for effect in effects:
             full = effect.deviation(observation)
             may = None if free is None else free[effect.name]
             deviations[effect.name] = full if may is None else np.where(may, full, 0.0)
             gone = np.zeros_like(full) if values is None else values[effect.name] / full
-            if effect.shared:
+            if effect.field_of is not None:
+                if deviations[effect.name].any():
+                    field, nodes = effect, gone[0] * full[0]
+            elif effect.shared:
                 shared += list(gone[0])
             else:
                 own += list(gone.T)
         departure = np.array(own).reshape(-1, len(observation.rig)), np.array(shared)
-        return cls(effects, deviations, departure)
+        return cls(effects, deviations, departure, field, nodes)
 
     def columns(self, at: Prediction) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the columns of one frame, in units of the priors' standard deviations."""
@@ -180,6 +238,8 @@ class _Parameters:
         shared: list[NDArray[np.float64]] = []
         for effect in self.effects:
             deviation = self.deviations[effect.name]
+            if effect.field_of is not None:
+                continue
             if deviation.any():
                 columns = effect.columns(at)
             else:
@@ -196,7 +256,10 @@ class _Parameters:
         found, own, shared = {}, 0, 0
         for effect in self.effects:
             deviation, count = self.deviations[effect.name], len(effect.parameters)
-            if effect.shared:
+            if effect.field_of is not None:
+                change = z.nodes - self.nodes if effect is self.field else 0.0
+                found[effect.name] = np.broadcast_to(change, deviation.shape)
+            elif effect.shared:
                 part = z.shared[shared : shared + count]
                 found[effect.name] = np.broadcast_to(part, deviation.shape) * deviation
                 shared += count

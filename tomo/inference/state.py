@@ -54,11 +54,18 @@ class State:
         free[name] |= views[:, None]
         return replace(self, free=free, fits=tuple(fit.trusting(views) for fit in self.fits))
 
-    def cost(self, scales: Iterable[float], deviations: Values) -> float:
+    def cost(
+        self, scales: Iterable[float], effects: Sequence[Effect], deviations: Values
+    ) -> float:
         """Return the disagreement that is left, and the price of the effects by their priors."""
-        left = sum(fit.disagreement(own) for fit, own in zip(self.fits, scales, strict=True))
-        values = self.values.items()
-        return left + sum(float(np.square(v / deviations[n]).sum()) for n, v in values)
+        cost = sum(fit.disagreement(own) for fit, own in zip(self.fits, scales, strict=True))
+        for effect in effects:
+            ratio = self.values[effect.name] / deviations[effect.name]
+            if effect.field_of is None:
+                cost += float(np.square(ratio).sum())
+            else:  # exponential, of each node once
+                cost += 2 * float(ratio[0].sum())
+        return cost
 
 
 def corrected(

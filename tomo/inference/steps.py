@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from tomo.grid import ActiveVoxels
 from tomo.inference.fit import Fit
 from tomo.inference.null import exact_images
-from tomo.inference.solve import Values, first_fits, next_fits
+from tomo.inference.solve import Values, first_fits, next_fits, rises
 from tomo.model.effect import Effect
 from tomo.model.gauge import without_gauge
 
@@ -57,10 +57,14 @@ class Steps:
         return float(np.sqrt(np.average(squares, weights=weights)))
 
     def shared(self, effect: Effect) -> float:
-        """Return the step of an effect that all views share, let loose alone."""
+        """Return the size of the step of an effect that all views share, let loose alone."""
         if effect.name not in self._shared:
-            _, found = next_fits(self.fits, (effect,), values=self.values)
-            self._shared[effect.name] = float(found[effect.name][0, 0])
+            size = 0.0
+            if effect.field_of is None or rises(self.fits, effect):
+                _, found = next_fits(self.fits, (effect,), values=self.values)
+                deviation = effect.deviation(self.fits[0].observation)
+                size = float(sizes_of(effect, found[effect.name], deviation)[0, 0])
+            self._shared[effect.name] = size
         return self._shared[effect.name]
 
     @cached_property
@@ -122,6 +126,18 @@ class Null:
         drawn = [what(one) for one in self._drawn]
         mean = float(np.mean(drawn))
         return mean, float(np.hypot(np.std(drawn, ddof=1), DETAIL * mean))
+
+
+def sizes_of(
+    effect: Effect, values: NDArray[np.float64], deviation: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Return the sizes that scores compare, ``(views, parameters)``: the parameters themselves.
+
+    The nodes of a field have one for all of them: their mean, in standard deviations.
+    """
+    if effect.field_of is None:
+        return values
+    return np.full_like(values, np.mean(values / deviation))
 
 
 def mean_volume(fits: Sequence[Fit]) -> NDArray[np.float32]:

@@ -36,6 +36,7 @@ class Absorbing:
     positive = True
     of_cameras = False
     of_gas = True
+    field_of = None
 
     @property
     def name(self) -> str:

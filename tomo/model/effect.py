@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.sparse.linalg import LinearOperator
 
 from tomo.model.observation import Observation
 from tomo.operators import LinearSystem
@@ -86,6 +87,10 @@ class Effect(Protocol):
         Whether no value is below zero.
     of_cameras, of_gas : bool
         Whether it moves cameras, or changes the operator by gas, and not images.
+    field_of : str, optional
+        Where it is a field, the name of the effect that is its constant part and is let loose with
+        it. A field has many parameters, which all views share: none is below zero, most are zero,
+        and `columns` is an operator.
     """
 
     @property
@@ -116,10 +121,14 @@ class Effect(Protocol):
     def of_gas(self) -> bool:
         """Whether it changes the operator by gas."""
 
+    @property
+    def field_of(self) -> str | None:
+        """Name of the constant part of a field; None where it is none."""
+
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviation of every parameter, ``(views, parameters)``."""
 
-    def columns(self, at: Prediction) -> NDArray[np.float64]:
+    def columns(self, at: Prediction) -> NDArray[np.float64] | LinearOperator:
         """Return the change of the prediction by a unit of a view's own parameters.
 
         ``(parameters, pixels)``; a pixel has the column of its own view.

@@ -29,6 +29,7 @@ class FallOff:
     positive = True
     of_cameras = False
     of_gas = False
+    field_of = None
 
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviations, ``(views, 1)``."""

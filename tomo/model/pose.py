@@ -55,6 +55,7 @@ class Pose:
     positive = False
     of_cameras = True
     of_gas = False
+    field_of = None
 
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviations, ``(views, 6)``."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators.attenuation import transmission
+from tomo.operators.attenuation import dimming, transmission
 from tomo.rays import Rays
 from tomo.rays.ray_box import enter_box
 from tomo.trace import Segments, trace, tracing
@@ -108,23 +108,71 @@ def attenuating(
     Gas with a given extinction absorbs in all voxels, whether they are active or not: rays are
     then followed through all, and segments in others are left out afterwards.
     """
-    strengths, extinction = (absorption.medium, absorption.emission), absorption.extinction
-    some = None if active is None or active.all or extinction is None else active
-    find = tracing(grid, tracer, midpoints=True, active=active if some is None else None)
+    some = None if active is None or active.all or absorption.extinction is None else active
     if some is not None and emission is not None:
         emission = some.expand(emission)
-    given = None if extinction is None else _on_grid(extinction, grid)
+    follow = _followed(grid, absorption, emission, tracer, active if some is None else None)
 
     def traced(rays: Rays) -> Segments:
-        plain = find(replace(rays, pixel_ptr=np.arange(len(rays) + 1), path_ptr=None))
-        outside = None if extinction is None else _around(extinction, rays, grid)
-        arriving = transmission(
-            plain, rays, grid, *strengths, emission, extinction=given, outside=outside
-        )
+        plain, arriving = follow(rays)
         found = Segments(plain.ptr[rays.pixel_ptr], plain.voxel, plain.length * arriving)
         return found if some is None else found.renumbered(some.number)
 
     return traced
+
+
+def dimmed(
+    grid: VoxelGrid,
+    absorption: Absorption,
+    volume: NDArray[np.floating],
+    emission: NDArray[np.floating] | None = None,
+    *,
+    tracer: str = "march",
+) -> Tracer:
+    """Return the tracer whose lengths are the change of a pixel by more extinction in a voxel.
+
+    Parameters
+    ----------
+    grid : VoxelGrid
+    absorption : Absorption
+        Of the gas that is there already.
+    volume : (voxels,)
+        The unknowns whose light is dimmed, zero where none is.
+    emission : (voxels,), optional
+        That in the exponent, see `attenuating`.
+    tracer : str
+        See `tomo.trace.trace`.
+    """
+    follow = _followed(grid, absorption, emission, tracer, None)
+
+    def traced(rays: Rays) -> Segments:
+        plain, arriving = follow(rays)
+        change = dimming(plain, rays, plain.length * arriving * volume[plain.voxel])
+        return Segments(plain.ptr[rays.pixel_ptr], plain.voxel, change)
+
+    return traced
+
+
+def _followed(
+    grid: VoxelGrid,
+    absorption: Absorption,
+    emission: NDArray[np.floating] | None,
+    tracer: str,
+    active: ActiveVoxels | None,
+) -> Callable[[Rays], tuple[Segments, NDArray[np.floating]]]:
+    """Return what takes rays to the segments of their pieces, and the fraction that arrives."""
+    strengths, extinction = (absorption.medium, absorption.emission), absorption.extinction
+    find = tracing(grid, tracer, midpoints=True, active=active)
+    given = None if extinction is None else _on_grid(extinction, grid)
+
+    def follow(rays: Rays) -> tuple[Segments, NDArray[np.floating]]:
+        plain = find(replace(rays, pixel_ptr=np.arange(len(rays) + 1), path_ptr=None))
+        outside = None if extinction is None else _around(extinction, rays, grid)
+        return plain, transmission(
+            plain, rays, grid, *strengths, emission, extinction=given, outside=outside
+        )
+
+    return follow
 
 
 @lru_cache(maxsize=2)

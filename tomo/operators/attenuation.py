@@ -1,4 +1,4 @@
-"""The fraction of each segment's light that reaches the camera through absorbing gas."""
+"""Light through absorbing gas: the fraction that arrives, and what more gas would change."""
 
 from __future__ import annotations
 
@@ -72,6 +72,42 @@ def transmission(
 
     run_ranges(len(paths) - 1, transmit)
     return through
+
+
+def dimming(segments: Segments, rays: Rays, light: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Return the change of every ray by a unit of extinction in each segment: ``(segments,)``.
+
+    Parameters
+    ----------
+    segments : Segments
+        As of `transmission`.
+    rays : Rays
+    light : (segments,)
+        What arrives of the light of every segment, times the ray's weight.
+
+    Notes
+    -----
+    The derivative of ``sum_s I_s exp(-sum_n k_n l_n - k_s l_s / 2)`` by ``k_n`` is minus ``l_n``
+    times the light that arrives from behind segment ``n``, with half of its own.
+    """
+    paths, change = rays.paths, np.zeros_like(segments.length)
+
+    def dim(first: int, last: int) -> None:
+        _dim(segments.ptr, segments.length, rays.weight, light, paths, first, last, change)
+
+    run_ranges(len(paths) - 1, dim)
+    return change
+
+
+@compiled()
+def _dim(ptr, length, weights, light, path_ptr, first, last, change):
+    """Walk some paths towards the camera and add up the light from behind each segment."""
+    for path in range(first, last):
+        behind = 0.0
+        for ray in range(path_ptr[path + 1] - 1, path_ptr[path] - 1, -1):
+            for s in range(ptr[ray + 1] - 1, ptr[ray] - 1, -1):
+                change[s] = -length[s] / weights[ray] * (behind + light[s] / 2)
+                behind += light[s]
 
 
 @compiled()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig, point_in_view
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators.absorption import Absorption, attenuating
+from tomo.operators.absorption import Absorption, attenuating, dimmed
 from tomo.operators.assembly import Progress, camera_sources, trace_cameras
 from tomo.operators.basis import LinearBasis, footprint_blur
 from tomo.operators.lens_blur import lens_blur
@@ -225,6 +225,37 @@ class LinearSystem:
         parts, _ = trace_cameras(self.rig, grid, self.pixels, tracers, False, *several, None)
         length = np.concatenate([part.length for part in parts])
         return replace(self, projector=self.projector.with_lengths(length))
+
+    def dimming(
+        self,
+        absorption: Absorption,
+        unknowns: NDArray[np.floating],
+        volume: NDArray[np.floating] | None = None,
+    ) -> ProjectionOperator:
+        """Return the change of the pixels by extinction in every voxel, ``(pixels, voxels)``.
+
+        Parameters
+        ----------
+        absorption, volume
+            See `with_absorption`; of the gas that the equations have.
+        unknowns : (unknowns,)
+            Whose light is dimmed.
+
+        Notes
+        -----
+        The derivative of Beer and Lambert's law along the segments (`tomo.operators.attenuation`)
+        of one ray a pixel: it steers steps, and four rays take four times as long. Its entries are
+        stored, and have one sign. Gas absorbs in voxels that are not active, too.
+        """
+        grid, active = self.projector.grid, self.projector.active
+        light = active.expand(unknowns).ravel()
+        emission = None if volume is None else volume.ravel()
+        tracers = [
+            dimmed(grid, absorption, light, emission) for _ in range(numba.get_num_threads())
+        ]
+        parts, _ = trace_cameras(self.rig, grid, self.pixels, tracers, False, 1, 1, None)
+        rays = Projector(Segments.concatenate(parts), grid, self.projector.view_ptr)
+        return self.projector.with_rays(lambda _: rays)
 
     @property
     def on_voxel_means(self) -> LinearSystem:

@@ -14,9 +14,9 @@ from tomo._compute.reductions import dot, norm
 from tomo.inference.finding import Finding
 from tomo.inference.fit import Fit
 from tomo.inference.infer import Inference
-from tomo.inference.steps import fraction_outside
+from tomo.inference.steps import fraction_outside, mean_volume
 from tomo.measurement.pixel_check import PixelCheck
-from tomo.model import Background, Blur, Corrections, Gain, Observation
+from tomo.model import Absorber, Background, Blur, Corrections, Gain, Observation
 from tomo.model.effect import Effect, Prediction
 from tomo.pipeline.coarse import CoarseCopy
 from tomo.scan.images import Images
@@ -72,10 +72,14 @@ def _of_effect(
     errors = unit * found.spread.get(effect.name, np.full(values.shape[1], np.nan))
     if effect.shared:
         name, percent = ("absorption", "") if effect.of_gas else (effect.name, "%")
+        size, error, where = float(values[0, 0]), _known(errors[0]), None
+        if isinstance(effect, Absorber):
+            size, where = effect.seen_from(values[0], mean_volume(found.state.fits))
+            error = None
         of_all = norm(changes) / math.sqrt(len(changes))
         yield Finding(
-            name, None, float(values[0, 0]), _known(errors[0]), percent, float(scores.max()),
-            consequence=of_all,
+            name, None, size, error, percent, float(scores.max()),
+            consequence=of_all, other=where,
         )  # fmt: skip
         return
     for view in np.flatnonzero(values.any(axis=1)):
@@ -134,7 +138,10 @@ def _changes(
         at = Prediction(fit.observation, fit.system, fit.unknowns.astype(np.float32))
         ptr = fit.system.projector.view_ptr
         of_view = np.repeat(np.arange(len(values)), np.diff(ptr))
-        change = np.einsum("pn,np->n", effect.columns(at), values[of_view])
+        if isinstance(effect, Absorber):
+            change = effect.columns(at) @ values[0]
+        else:
+            change = np.einsum("pn,np->n", effect.columns(at), values[of_view])
         changed += _squares(change, ptr)
         light += _squares(at.pixels, ptr)
     return np.sqrt(changed / np.maximum(light, 1e-300))

@@ -17,6 +17,7 @@ from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
 from tomo.inference.steps import mean_volume
 from tomo.model import (
+    Absorber,
     Absorbing,
     Background,
     Blur,
@@ -52,7 +53,9 @@ def given_absorption(scan: Scan, options: Options) -> Absorption:
     return Absorption(medium=options.absorption or 0.0, extinction=extinction_of(scan.rig))
 
 
-def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect, ...]:
+def effects_of(
+    options: Options, known: Absorption, grid: VoxelGrid, factor: int
+) -> tuple[Effect, ...]:
     """Return the effects that options let loose, for pixels ``factor`` times as wide."""
     found: list[Effect] = []
     default = method_named(options.method).starts_from_default
@@ -65,7 +68,7 @@ def effects_of(options: Options, known: Absorption, factor: int) -> tuple[Effect
     if options.fit_absorption or (options.fit_absorption is None and default):
         given = known.extinction is not None
         if options.absorption is None and not given:
-            found.append(Absorbing(own=False))
+            found += [Absorbing(own=False), Absorber(grid)]
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
     if options.align and options.refine_cameras in (None, ("none",)):  # else that moves cameras
@@ -121,7 +124,7 @@ def _inferred(
     """Return the images corrected by what was found on a coarse copy of the frames."""
     scan, known = screened.scan, given_absorption(screened.scan, options)
     factor = factor_of(scan.rig, grid)
-    effects = effects_of(options, known, factor)
+    effects = effects_of(options, known, grid, factor)
     if len(scan.rig) < FEWEST_VIEWS or not effects:
         return screened
     names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
@@ -187,12 +190,16 @@ def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corr
         if hidden:
             shape = whole.masks[whole.rig.names.index(name)].shape
             untrusted[name] = copy.enlarged(image > 0, shape)
+    seen = replace(fit.observation.in_powers_of_two(-copy.power), grid=whole.grid)
+    for effect in found.effects:
+        if effect.field_of is not None and found.state.values[effect.name].any():
+            seen = effect.applied(seen, found.state.values[effect.name])  # on these voxels
     return Corrections(
         tuple(names),
         whole.grid,
         found.effects,
         copy.recorded(found.state.values),
-        fit.observation.in_powers_of_two(-copy.power).absorption,
+        seen.absorption,
         untrusted,
     )
 

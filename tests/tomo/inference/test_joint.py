@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.sparse.linalg import aslinearoperator
 
 from tomo.inference.joint import FrameProblem, Joint, Unknowns
 from tomo.priors import RelativeCurvature
 
-FRAMES, VIEWS, VOXELS, AROUND, OWN, SHARED = 2, 3, 24, 5, 2, 1
+FRAMES, VIEWS, VOXELS, AROUND, OWN, SHARED, NODES = 2, 3, 24, 5, 2, 1, 7
 PTR = np.array([0, 30, 50, 90])
 
 
@@ -18,6 +19,7 @@ def random_unknowns(random, joint):
         random.normal(size=(FRAMES, one.outside.shape[1])),
         random.normal(size=(OWN, VIEWS)),
         random.normal(size=SHARED),
+        random.normal(size=NODES),
     )
 
 
@@ -42,10 +44,12 @@ def joint(random, projector_of):
             random.normal(size=(SHARED, pixels)),
             B,
             0.3,
+            aslinearoperator(-random.random((pixels, NODES))),
         )
         for strength in (0.05, 0.2)
     ]
-    return Joint(frames, (random.normal(size=(OWN, VIEWS)), random.normal(size=SHARED)))
+    departure = random.normal(size=(OWN, VIEWS)), random.normal(size=SHARED)
+    return Joint(frames, departure, np.full(NODES, 3.0))
 
 
 def test_the_adjoint_is_that_of_the_prediction(joint, random):
@@ -58,12 +62,12 @@ def test_the_adjoint_is_that_of_the_prediction(joint, random):
 def stacked(joint, b):
     """Return the whole problem as a dense matrix and a right side, built entry by entry."""
     n, m = (FRAMES * one.shape[1] for one in (joint.frames[0].operator, joint.frames[0].outside))
-    size = n + m + OWN * VIEWS + SHARED
+    size = n + m + OWN * VIEWS + SHARED + NODES
 
     def of(vector):
-        x, o, own, shared = np.split(vector, np.cumsum([n, m, OWN * VIEWS]))
+        x, o, own, shared, nodes = np.split(vector, np.cumsum([n, m, OWN * VIEWS, SHARED]))
         both = (each.reshape(FRAMES, -1) for each in (x, o))
-        return Unknowns(*both, own.reshape(OWN, VIEWS), shared)
+        return Unknowns(*both, own.reshape(OWN, VIEWS), shared, nodes)
 
     def rows(z):
         found = []
@@ -81,19 +85,22 @@ def stacked(joint, b):
     for number, (one, own) in enumerate(zip(joint.frames, b, strict=True)):
         right[number * each : number * each + len(own)] = np.sqrt(one.weights) * own
     right[-len(departure) :] = -departure
-    least = np.r_[np.zeros(n + m), np.full(len(departure), -np.inf)]
+    pull = np.r_[np.zeros(size - NODES), joint.pull]
+    right -= matrix @ np.linalg.solve(matrix.T @ matrix, pull)  # adds twice the pull times z
+    least = np.r_[np.zeros(n + m), np.full(len(departure), -np.inf), np.zeros(NODES)]
     return matrix, right, least, of
 
 
 def test_the_solution_is_that_of_the_stacked_problem(joint, random):
     truth = random_unknowns(random, joint)
-    b = joint.forward(truth._replace(voxels=np.maximum(truth.voxels, 0)))
+    b = joint.forward(Unknowns(*(np.maximum(one, 0) for one in truth)))
     b = b + 0.5 * random.normal(size=b.shape)
     matrix, right, least, of = stacked(joint, b)
     expected = of(lsq_linear(matrix, right, (least, np.inf), tol=1e-12).x)
     start = Unknowns(*(np.zeros_like(one) for one in truth))
     z, residual = joint.solve(b, start, 300)
     assert (expected.voxels < 1e-6).any()  # the bound acts
+    assert 0 < (expected.nodes < 1e-6).sum() < NODES  # and so does the pull
     for found, one in zip(z, expected, strict=True):
         np.testing.assert_allclose(found, one, atol=2e-4)
     np.testing.assert_allclose(residual, b - joint.forward(z), atol=1e-4)
