@@ -2,7 +2,7 @@
 
 An effect is noticed when its step exceeds what exact cameras make of it, see
 `tomo.inference.scores`. Voxels explain a part of an effect, and so do other effects and the gauge.
-What is left is measured: each effect is added to the images of some views, by the columns that the
+What is left is measured: each effect is added to the images of a view, by the columns that the
 joint solve has, and the voxels and the steps are found again.
 """
 
@@ -23,9 +23,6 @@ from tomo.model.effect import Effect, Prediction
 
 CONFUSED = 0.8
 """Score of another effect over that of the one that is there, from which the two look alike."""
-
-PROBES = 2
-"""Views in which each effect is tried. One: an odd view decides; more take longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,19 +80,15 @@ def _of_cameras(
         for name in own
     }
     keys = [(name, k) for name, effect in own.items() for k in range(len(effect.parameters))]
-    raised = {key: np.zeros(len(own)) for key in keys}  # scores of all effects by a deviation
+    raised = {}  # scores of all effects by a deviation of each
     for start in range(0, len(keys), views):
-        for probe in range(PROBES):
-            added = {name: np.zeros_like(one) for name, one in deviation.items()}
-            at = {}
-            for number, (name, k) in enumerate(keys[start : start + views]):
-                view = at[name, k] = (number + probe * (views // PROBES)) % views
-                added[name][view, k] = deviation[name][view, k]
-            after = Steps(_fits_with(steps.fits, own.values(), added), found.effects, steps.values)
-            for key, view in at.items():
-                change = [np.abs(after.own[n][view] - steps.own[n][view]) for n in own]
-                each = zip(change, own, strict=True)
-                raised[key] += [(one / unit[n][view]).max() / PROBES for one, n in each]
+        added = {name: np.zeros_like(one) for name, one in deviation.items()}
+        for view, (name, k) in enumerate(keys[start : start + views]):
+            added[name][view, k] = deviation[name][view, k]
+        after = Steps(_fits_with(steps.fits, own.values(), added), found.effects, steps.values)
+        for view, key in enumerate(keys[start : start + views]):
+            change = {name: np.abs(after.own[name][view] - steps.own[name][view]) for name in own}
+            raised[key] = np.array([(change[name] / unit[name][view]).max() for name in own])
     sizes, alike = {}, []
     for (name, k), score in raised.items():
         mine = score[list(own).index(name)]

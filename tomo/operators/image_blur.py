@@ -237,9 +237,18 @@ class ImageBlur(ImageOperator):
         """Return the blur of some pixels, from the rays that reach them, and those rays."""
         even = [(offsets, np.ones_like(weight)) for offsets, weight in self.kernels]
         some, own = self.pixels.take(pixels), self.own[pixels]
-        everything = ImageBlur(even, some, self.rays, np.ones_like(own))
-        needed = np.flatnonzero(everything.T @ np.ones(len(pixels), np.float32))
+        order, first = self._rays_of_views
+        near = [order[first[view] : first[view + 1]] for view in np.unique(some.view)]
+        near = np.sort(np.concatenate([np.zeros(0, np.int64), *near]))
+        everything = ImageBlur(even, some, self.rays.take(near), np.ones_like(own))
+        needed = near[np.flatnonzero(everything.T @ np.ones(len(pixels), np.float32))]
         return ImageBlur(self.kernels, some, self.rays.take(needed), own), needed
+
+    @cached_property
+    def _rays_of_views(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The rays in the order of their views, and where those of each view begin."""
+        order = np.argsort(self.rays.view, kind="stable")
+        return order, np.searchsorted(self.rays.view[order], np.arange(len(self.kernels) + 1))
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:
