@@ -16,7 +16,7 @@ from tomo.model import Background, Corrections, Observation
 def findings_of(
     found: Inference, corrections: Corrections, observation: Observation
 ) -> list[Finding]:
-    """Return what is said of each effect that was let loose, the gravest first."""
+    """Return what is said of each effect that was let loose unasked, the gravest first."""
     said, names, state = [], corrections.names, found.state
     for effect in found.effects:
         values = corrections.values[effect.name]
@@ -29,6 +29,7 @@ def findings_of(
                 said.append(Finding(effect.name, size=size, unit="%", score=most))
         elif not effect.shared:
             free = state.free[effect.name].any(axis=1) | (effect.name == Background.name)
+            free &= ~found.refined.get(effect.name, np.zeros(len(names), bool))
             for view in np.flatnonzero(free & values.any(axis=1)):
                 camera = observation.rig[names[view]]
                 what, size, unit = _size(effect.name, values[view], camera, observation)

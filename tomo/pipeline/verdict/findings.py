@@ -58,9 +58,9 @@ def wrong(kept: bool, report: Facts) -> Iterator[Facts]:
 
 
 def refined(report: Facts) -> Iterator[Facts]:
-    """Yield how many cameras were refined from the images, if they were."""
+    """Yield how many cameras were refined from the images, if that was asked for."""
     found = _part(report, "refinement")
-    if found.get("accepted"):
+    if found.get("accepted") and found.get("asked", True):
         unexplained = _part(report, "answer").get("verdict") == NOT_EXPLAINED
         step = STAY if unexplained else GO_ON
         yield {"cameras": _count(found["cameras"]), "step": step}
