@@ -91,7 +91,7 @@ def shown(rig, volume):
     seen = Observation(
         rig, (blank,) * many, (blank == 0,) * many, (NoiseModel(0.01),) * many, GRID, supersample=3
     )
-    system = equations_of(seen, None, volume)
+    system = equations_of([seen], None, [volume])[0]
     unknowns = system.projector.active.compress(volume)
     return seen, system, unknowns, system.images(system.projector @ unknowns)
 
@@ -154,7 +154,7 @@ def test_a_moved_scene_looks_like_moved_cameras(kind, volume):
     """The gauge of these cameras: motions of the light are motions of the camera."""
     camera = CAMERAS[kind]
     seen = shown(Rig((camera,)), volume)[0]
-    motions = scene_motions(seen, volume)[0]  # (6, 7)
+    motions = scene_motions(seen, volume)[0][0]  # (6, 7)
     step = 0.01 * min(GRID.extent)
     centers = GRID.centers().reshape(-1, 3)
     points = centers[np.argsort(volume.ravel())[-200::10]]
@@ -189,7 +189,7 @@ def test_a_camera_behind_glass_that_was_knocked_is_moved_back():
     masks = tuple(np.ones(image.shape, bool) for image in images)
     noise = tuple(map(estimate_noise, images, masks))
     seen = Observation(lenses.through(scene), images, masks, noise, grid)
-    state = infer(seen, (Pose(),), look_outside=False).state
+    state = infer([seen], (Pose(),), look_outside=False).state
     assert np.flatnonzero(state.free["pose"].any(axis=1)).tolist() == [wrong]
     np.testing.assert_allclose(state.values["pose"][wrong, :4], motion, atol=0.2)
     assert np.abs(state.values["pose"][wrong, 4:]).max() < 0.4
