@@ -327,3 +327,11 @@ def no_console_errors(request):
     yield
     if "open_page" in request.fixturenames:
         assert request.getfixturevalue("browser").problems() == []
+
+
+@pytest.fixture(scope="session")
+def disturbed(run_tool):  # which has tools/ on the path
+    """Return `studies.common.poses.disturbed`: cameras a little elsewhere than they should be."""
+    from studies.common.poses import disturbed
+
+    return disturbed

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -53,6 +53,8 @@ class Adaptation:
     effects : sequence of Effect
     active : ActiveVoxels, optional
     scores : Scores
+    held : collection of str
+        Effects that were let loose in some views for the asking: the others hold the scene.
     """
 
     def __init__(
@@ -61,9 +63,10 @@ class Adaptation:
         effects: Sequence[Effect],
         active: ActiveVoxels | None,
         scores: Scores,
+        held: Collection[str] = (),
     ) -> None:
         self.observations, self.effects, self.active = observations, effects, active
-        self.scores, self.deviation = scores, scores.deviation
+        self.scores, self.deviation, self.held = scores, scores.deviation, held
 
     def adapted(self, state: State, ratio: Mapping[str, NDArray[np.float64]]) -> State:
         """Return the state with what explains the view better that exceeds its null most.
@@ -117,8 +120,11 @@ class Adaptation:
         cost = [one.cost(scales, self.effects, self.deviation) for one in (around, level)]
         return around if cost[0] < ALIKE * cost[1] else replace(level, is_dark_around=True)
 
-    def pruned(self, state: State, asked: Sequence[str]) -> State:
-        """Return the state without effects that are far below their limits once all are found."""
+    def pruned(self, state: State, asked: Mapping[str, NDArray[np.bool_]]) -> State:
+        """Return the state without effects that are far below their limits once all are found.
+
+        Those stay that were ``asked`` for, by name and view.
+        """
         free, values, scores = {}, {}, self.scores
         for effect in self.effects:
             name, value = effect.name, state.values[effect.name]
@@ -127,8 +133,8 @@ class Adaptation:
             size = sizes_of(effect, value, self.deviation[name])
             far = np.abs(size) > RIVAL * limit * spread
             most = state.free[name].any(axis=1).mean() > 0.5  # found from all of them together
-            kept = name in asked or (most and not effect.shared)
-            real = far.any(axis=1, keepdims=True) | kept
+            kept = asked[name] | (most and not effect.shared)
+            real = far.any(axis=1, keepdims=True) | kept[:, None]
             free[name], values[name] = state.free[name] & real, np.where(real, value, 0.0)
         if all(np.array_equal(free[n], state.free[n]) for n in free):
             return state
@@ -160,7 +166,8 @@ class Adaptation:
                 change = change - self.scores.bias.get(effect.name, 0.0)
             most = PLAUSIBLE * self.deviation[effect.name] if effect.shared else np.inf
             moved[effect.name] = np.minimum(values[effect.name] + change, most)
-        moved = without_gauge(moved, self.observations[0], mean_volume(fits), state.free)
+        volume = mean_volume(fits)
+        moved = without_gauge(moved, self.observations[0], volume, state.free, self.held)
         for effect in self.effects:
             if effect.positive:
                 moved[effect.name] = np.maximum(moved[effect.name], 0)

@@ -6,8 +6,8 @@ loose and found together with the voxels, and all are scored again, until none e
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 from tomo.grid import ActiveVoxels
 from tomo.inference.adaptation import Adaptation
 from tomo.inference.fit import Fit
-from tomo.inference.left_out import predict_left_out
+from tomo.inference.left_out import LeftOut, predict_left_out, without_left_out
 from tomo.inference.scores import Scores
 from tomo.inference.solve import first_fits
-from tomo.inference.state import State
+from tomo.inference.state import State, corrected
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
 
@@ -36,11 +36,17 @@ class Inference:
     state : State
     tested : Scores
         What the effects were compared with.
+    refined : mapping of str to (views,) bool
+        What was let loose of some views for the asking, and kept.
+    left_out : LeftOut, optional
+        How left-out pixels judge that.
     """
 
     effects: tuple[Effect, ...]
     state: State
     tested: Scores
+    refined: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    left_out: LeftOut | None = None
 
     @property
     def scores(self) -> dict[str, NDArray[np.float64]]:
@@ -63,6 +69,7 @@ def infer(
     asked: Sequence[str] = (),
     look_outside: bool = True,
     first: Sequence[Fit] | None = None,
+    refine: Mapping[str, NDArray[np.bool_]] | None = None,
 ) -> Inference:
     """Return the effects that exceed their null, found together with the voxels.
 
@@ -81,15 +88,31 @@ def infer(
         Whether light may come from around the grid.
     first : sequence of Fit, optional
         See `tomo.inference.solve.first_fits`, where they are known.
+    refine : mapping of str to (views,) bool, optional
+        Effects that are let loose in some views whatever their score, and kept where left-out
+        pixels are then predicted better. The other views hold the scene.
     """
     views = len(frames[0].rig)
     none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
+    kept = {n: np.full(views, n in asked) for n in none}
     free = {n: np.full(v.shape, n in asked) for n, v in none.items()}
     state = State(tuple(first or first_fits(frames, active)), none, free, np.zeros(views, bool))
     scores = Scores(frames[0], effects, active, look_outside)
-    adaptation = Adaptation(frames, effects, active, scores)
+    adaptation = Adaptation(frames, effects, active, scores, refine or ())
     if asked:
         state = adaptation.relaxed(state)
+    refined: Mapping[str, NDArray[np.bool_]] = {}
+    left_out = None
+    if refine:
+        loose = replace(state, fits=without_left_out(state.fits))
+        for name, some in refine.items():
+            loose = loose.loosened(name, some)
+        loose = adaptation.relaxed(loose)
+        afresh = first_fits(corrected(frames, effects, loose.values), active)
+        left_out = predict_left_out(state.fits, afresh)
+        if left_out.is_better:
+            state, refined = adaptation.relaxed(replace(loose, fits=afresh)), refine
+            kept = {name: one | refine.get(name, False) for name, one in kept.items()}
     given = state
     for _ in range(ROUNDS):
         ratio = scores.ratios(state)
@@ -97,7 +120,7 @@ def infer(
             break
         state = adaptation.adapted(state, ratio)
     if state is not given:
-        state = adaptation.pruned(state, asked)
+        state = adaptation.pruned(state, kept)
     if state is not given and predict_left_out(given.fits, state.fits).is_surely_worse:
         state = given
-    return Inference(tuple(effects), state, scores)
+    return Inference(tuple(effects), state, scores, refined, left_out)

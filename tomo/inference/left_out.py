@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -29,10 +30,18 @@ class LeftOut:
     ----------
     before, after : (squares,) float64
         Squared errors over the images' mean square, summed over each square and all frames.
+    pixels : int
     """
 
     before: NDArray[np.float64]
     after: NDArray[np.float64]
+    pixels: int = 1
+
+    @property
+    def relative_errors(self) -> tuple[float, float]:
+        """Root mean square errors over that of the images, before the correction and after it."""
+        before, after = (math.sqrt(one.sum() / self.pixels) for one in (self.before, self.after))
+        return before, after
 
     @property
     def is_surely_worse(self) -> bool:
@@ -40,23 +49,40 @@ class LeftOut:
         more = self.after - self.before
         return bool(len(more) and more.sum() > SURELY * np.sqrt(len(more)) * more.std())
 
+    @property
+    def is_better(self) -> bool:
+        """Whether the correction predicts them better at all."""
+        return bool(self.after.sum() < self.before.sum())
+
 
 def predict_left_out(given: Sequence[Fit], corrected: Sequence[Fit]) -> LeftOut:
     """Return how fits of the same frames predict left-out pixels; those count that both use."""
-    squares = given[0].system.squares([SIDE] * len(given[0].observation.rig))
+    squares = _squares(given)
     out = blocks_to_leave_out(squares)
     both = out & np.all([one.usable for one in (*given, *corrected)], axis=0)
     block = np.unique(squares[both], return_inverse=True)[1]
-    before, after = (_errors(fits, out)[both] for fits in (given, corrected))
-    return LeftOut(*(np.bincount(block, own).astype(np.float64) for own in (before, after)))
+    before, after = (_errors(fits)[both] for fits in (given, corrected))
+    before, after = (np.bincount(block, own).astype(np.float64) for own in (before, after))
+    return LeftOut(before, after, max(len(block), 1))
 
 
-def _errors(fits: Sequence[Fit], out: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """Return the squared errors of fits without some pixels, over the images' mean square."""
-    errors, energy = np.zeros(len(out)), 0.0
-    for fit in fits:
-        kept = fit.usable & ~out
-        found = next_fit(replace(fit, usable=kept, trust=np.where(kept, fit.trust, 0.0)))
-        errors += np.square(found.residual)
+def without_left_out(fits: Sequence[Fit]) -> tuple[Fit, ...]:
+    """Return fits that do not use the pixels that are left out."""
+    kept = ~blocks_to_leave_out(_squares(fits))
+    return tuple(
+        replace(one, usable=one.usable & kept, trust=np.where(kept, one.trust, 0.0))
+        for one in fits
+    )
+
+
+def _squares(fits: Sequence[Fit]) -> NDArray[np.intp]:
+    return fits[0].system.squares([SIDE] * len(fits[0].observation.rig))
+
+
+def _errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
+    """Return the squared errors of fits without left-out pixels, over the images' mean square."""
+    errors, energy = np.zeros(len(fits[0].measured)), 0.0
+    for fit in without_left_out(fits):
+        errors += np.square(next_fit(fit).residual)
         energy += float(np.mean(np.square(fit.measured)))
     return errors / (energy or 1.0)

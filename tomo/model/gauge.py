@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,6 +27,7 @@ def without_gauge(
     observation: Observation,
     volume: NDArray,
     free: Mapping[str, NDArray[np.bool_]] | None = None,
+    held: Collection[str] = (),
 ) -> dict[str, NDArray[np.float64]]:
     """Return effects without a common gain or blur, and without a motion or growth of the scene.
 
@@ -35,13 +36,11 @@ def without_gauge(
     views may be wrong, least squares are, and what is bright stays where most saw it: a scene that
     is moved as a whole would be paid for by cameras that are held out. Either way a camera holds
     the scene the less, the farther off it may be by what the rig states of it and by what mounts
-    do.
+    do. Effects that are ``held`` keep their values as long as one view is not free: it holds them.
     """
-    found = dict(values)
-    most = {
-        name: free is None or bool(free[name].any(axis=1).sum() > len(observation.rig) / 2)
-        for name in found
-    }
+    found, views = dict(values), len(observation.rig)
+    loose = {name: views if free is None else free[name].any(axis=1).sum() for name in found}
+    most = {name: bool(loose[name] > (views - 1 if name in held else views / 2)) for name in found}
     sure = list(observation.sets_scale or (True,) * len(observation.rig))
     for name in {"gain", "blur"} & set(found):
         if most[name]:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
 from functools import lru_cache
 
 import numpy as np
@@ -21,7 +22,8 @@ SMOOTHING = 0.5
 slopes; more: slopes of thin flames are underestimated."""
 
 FIXED = 1e-6
-"""Deviation, as a fraction of the prior's, of what a camera without a lens model cannot do."""
+"""Deviation, in pixels, of a camera that stays; as a fraction of the prior's, that of what a
+camera without a lens model cannot do."""
 
 LATTICE = 5
 """Points along each edge of the grid by which a walk behind glass is compared with others."""
@@ -45,9 +47,12 @@ class Pose:
         as that turns the view. It is what mounts do after cameras were measured, whatever the rig
         states of its errors, because any camera may have been knocked; these decide who holds the
         scene, see `without_gauge`.
+    of_camera : mapping of str to float
+        That of some cameras, by name, in place of ``sigma``; 0 for one that stays where it is.
     """
 
     sigma: float = 0.5
+    of_camera: Mapping[str, float] = field(default_factory=dict)
     name = "pose"
     parameters = ("right", "down", "roll", "zoom", "aside", "above")
     units = ("px", "px", "px", "px", "px", "px")
@@ -60,7 +65,8 @@ class Pose:
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviations, ``(views, 6)``."""
         rig, middle = observation.rig, np.asarray(observation.grid.center)
-        found = np.full((len(rig), len(self.parameters)), self.sigma / observation.pixel)
+        sigma = [max(self.of_camera.get(name, self.sigma), FIXED) for name in rig.names]
+        found = np.repeat([sigma], len(self.parameters), axis=0).T / observation.pixel
         for own, camera, pixel in zip(found, rig, rig.footprint(middle), strict=True):
             turn = _frame(camera)[1] * pixel / np.linalg.norm(camera.R @ middle + camera.t)
             own[4:] *= turn if np.isfinite(turn) else 1.0  # NaN by a mirror

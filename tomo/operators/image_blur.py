@@ -238,8 +238,8 @@ class ImageBlur(ImageOperator):
         even = [(offsets, np.ones_like(weight)) for offsets, weight in self.kernels]
         some, own = self.pixels.take(pixels), self.own[pixels]
         order, first = self._rays_of_views
-        near = [order[first[view] : first[view + 1]] for view in np.unique(some.view)]
-        near = np.sort(np.concatenate([np.zeros(0, np.int64), *near]))
+        own_rays = [order[first[view] : first[view + 1]] for view in np.unique(some.view)]
+        near = np.sort(np.concatenate([np.zeros(0, np.int64), *own_rays]))
         everything = ImageBlur(even, some, self.rays.take(near), np.ones_like(own))
         needed = near[np.flatnonzero(everything.T @ np.ones(len(pixels), np.float32))]
         return ImageBlur(self.kernels, some, self.rays.take(needed), own), needed

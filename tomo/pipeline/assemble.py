@@ -70,7 +70,7 @@ def assemble(
     ready, built, evaluated = stages.ready, stages.solve.built, stages.evaluate
     screened, registered = ready.screened, ready.registered
     system, names = stages.solve.built.system, registered.rig.names
-    pixels, gains = screened.pixels, screened.gains
+    pixels, gains, moved = screened.pixels, screened.gains, screened.refinement
     unseen = int(np.count_nonzero(stages.assess.unseen))
     return Reconstruction(
         solution=replace(evaluated.solution, peak_memory=peak_memory()),
@@ -91,8 +91,8 @@ def assemble(
         findings=screened.findings,
         detection_limits=screened.limits.report() if screened.limits else None,
         depth_of_field=depth_of_field(scan.rig, grid, options),
-        refinement=registered.refinement.report() if registered.refinement else None,
-        refined_rig=registered.recorded_rig(scan) if registered.refinement else None,
+        refinement=moved.report() if moved else None,
+        refined_rig=moved.recorded_rig(scan) if moved else None,
         gains=gains.report(names) if gains else None,
         seconds={
             **{name: record.seconds for name, record in stages.records.items()},

@@ -9,11 +9,11 @@ from rigs.aperture import check_apertures
 from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, VOXEL, choose_form
 from tomo.pipeline.checks import comparison
+from tomo.pipeline.coarse import FEWEST_VIEWS
 from tomo.pipeline.methods import AUTO, Method, method_named, method_names
 from tomo.pipeline.options import Options
 from tomo.pipeline.peak import check_peak
 from tomo.scan import Scan
-from tomo.selfcal.refine.search import FEWEST
 from tomo.uncertainty import AUTO_REPEATS
 
 _ALL, _NOMINAL, _NONE = "all", "nominal", "none"
@@ -120,10 +120,10 @@ def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
             f"{scan.source}: refine_cameras: found {found}, expected one to reconstruct from"
         )
     views = len(scan.rig) - len(set(options.hold_out))
-    if views < FEWEST:
+    if views < FEWEST_VIEWS:
         raise ValueError(
             f"{scan.source}: refine_cameras: found {views} views to refine with, expected at "
-            f"least {FEWEST}"
+            f"least {FEWEST_VIEWS}"
         )
     return left
 

@@ -28,7 +28,7 @@ MANY = 1e-3
 def findings_of(
     found: Inference, copy: CoarseCopy, corrections: Corrections, whole: Observation, shrink: int
 ) -> list[Finding]:
-    """Return what is said of each effect that was let loose, the gravest first.
+    """Return what is said of each effect that was let loose unasked, the gravest first.
 
     Parameters
     ----------
@@ -46,6 +46,7 @@ def findings_of(
     for effect in found.effects:
         values = corrections.values[effect.name]
         loose = found.state.free[effect.name].any(axis=1) | (effect.name == Background.name)
+        loose &= ~found.refined.get(effect.name, np.zeros(len(loose), bool))
         if (loose[:, None] & (values != 0)).any():
             said += _of_effect(effect, found, copy, values * loose[:, None], whole, shrink)
     said += _left_out(found, corrections)

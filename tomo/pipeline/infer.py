@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,6 +38,7 @@ from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.refine import Refinement, priors_of
 from tomo.pipeline.scan_lines import with_lines
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, as_warning, timed
@@ -54,9 +56,16 @@ def given_absorption(scan: Scan, options: Options) -> Absorption:
 
 
 def effects_of(
-    options: Options, known: Absorption, grid: VoxelGrid, factor: int
+    options: Options,
+    known: Absorption,
+    grid: VoxelGrid,
+    factor: int,
+    poses: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Effect, ...]:
-    """Return the effects that options let loose, for pixels ``factor`` times as wide."""
+    """Return the effects that options let loose, for pixels ``factor`` times as wide.
+
+    ``poses`` are the standard deviations of cameras that are refined, in pixels as recorded.
+    """
     found: list[Effect] = []
     default = method_named(options.method).starts_from_default
     if options.fit_gain or (options.screen and options.fit_gain is None):
@@ -71,8 +80,8 @@ def effects_of(
             found += [Absorbing(own=False), Absorber(grid)]
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
-    if options.align and options.refine_cameras in (None, ("none",)):  # else that moves cameras
-        found.append(Pose())
+    if options.align or poses:
+        found.append(Pose(Pose.sigma if options.align else 0.0, poses))
     return tuple(found)
 
 
@@ -82,6 +91,7 @@ def infer_effects(
     grid: VoxelGrid,
     options: Options,
     loaded: Sequence[LoadedScan] = (),
+    cameras: Sequence[str] = (),
 ) -> ScreenedScan:
     """Return the images that take part, corrected by what exceeds its null.
 
@@ -95,14 +105,19 @@ def infer_effects(
     loaded : sequence of LoadedScan
         The frames whose mean was screened. Effects are inferred from them together, not from
         the mean, which has little fine structure where a flame moves.
+    cameras : sequence of str
+        Those to refine, if they take part.
     """
     with timed() as stage:
         if options.screen:
             screened = without_unusable(screened, whole)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
-            screened = _inferred(screened, loaded, grid, options)
+            screened = _inferred(screened, loaded, grid, options, cameras)
         findings = _with_pixels(screened, whole)
         stage.warnings += [one.sentence for one in together(findings)]
+        refinement = screened.refinement
+        if refinement is not None and refinement.asked:
+            stage.warnings.append(refinement.sentence(len(loaded)))
         screened = replace(screened, findings=findings)
     record = Record(
         screened.record.seconds + stage.record.seconds,
@@ -119,19 +134,24 @@ def _with_pixels(screened: ScreenedScan, whole: Scan) -> tuple[Finding, ...]:
 
 
 def _inferred(
-    screened: ScreenedScan, loaded: Sequence[LoadedScan], grid: VoxelGrid, options: Options
+    screened: ScreenedScan,
+    loaded: Sequence[LoadedScan],
+    grid: VoxelGrid,
+    options: Options,
+    cameras: Sequence[str],
 ) -> ScreenedScan:
     """Return the images corrected by what was found on a coarse copy of the frames."""
     scan, known = screened.scan, given_absorption(screened.scan, options)
     factor = factor_of(scan.rig, grid)
-    effects = effects_of(options, known, grid, factor)
-    if len(scan.rig) < FEWEST_VIEWS or not effects:
-        return screened
-    names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
     whole = Observation(
         scan.rig, tuple(screened.images), tuple(screened.masks), screened.noise, grid, known,
         scan.sets_scale,
     )  # fmt: skip
+    names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
+    priors = priors_of([name for name in names if name in cameras], whole, options)
+    effects = effects_of(options, known, grid, factor, priors)
+    if len(scan.rig) < FEWEST_VIEWS or not effects:
+        return screened
     frames, carving = [whole], options.skip and options.carving != OFF
     if len(loaded) > 1:
         each = [images_of(one, screened) for one in loaded]
@@ -140,14 +160,16 @@ def _inferred(
     levels = _own_levels(screened, names, effects)
     copy = CoarseCopy.of([one.ordered(names) for one in frames], levels, factor, carving=carving)
     if copy is None:
-        return screened
+        dark = Refinement(scan.rig, scan.rig, tuple(priors), True, grid, priors, {})
+        return replace(screened, refinement=dark) if priors else screened
     first = first_fits(copy.frames, copy.active)
     if options.screen:
         moved = with_image_in_place(screened, copy, first)
         if moved is not None:
-            return _inferred(moved, loaded, grid, options)
-    asked = _asked(options, effects)
-    found = infer(copy.frames, effects, copy.active, asked, options.screen, first)
+            return _inferred(moved, loaded, grid, options, cameras)
+    asked, own = _asked(options, effects), np.array([name in priors for name in names])
+    refine = {e.name: own for e in effects if own.any() and e.name in ("pose", "gain")}
+    found = infer(copy.frames, effects, copy.active, asked, options.screen, first, refine)
     corrections = _corrections(found, copy, whole)
     seen = corrections.applied(whole)
     return replace(
@@ -159,6 +181,7 @@ def _inferred(
         corrections=corrections,
         findings=(*screened.findings, *findings_of(found, copy, corrections, whole, scan.shrink)),
         gains=_gains(found, corrections, whole, copy.power),
+        refinement=_refinement(found, corrections, whole, seen, priors),
         emission=_emission(found, copy, grid) if corrections.absorption.emission else None,
         limits=_limits(found, copy) if options.uncertainty else None,
         light_error=light_error(found) if options.uncertainty else 0.0,
@@ -207,6 +230,28 @@ def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corr
 def _limits(found: Inference, copy: CoarseCopy) -> Limits:
     """Return the smallest faults that the images would tell."""
     return Limits.of(detection_limits(found), copy.frames[0])
+
+
+def _refinement(
+    found: Inference,
+    corrections: Corrections,
+    given: Observation,
+    seen: Observation,
+    priors: Mapping[str, float],
+) -> Refinement | None:
+    """Return what was found of cameras that were asked for, or that a film has moved."""
+    gains = {}
+    if "gain" in corrections.values:
+        values = np.exp(corrections.values["gain"][:, 0]).tolist()
+        gains = dict(zip(corrections.names, values, strict=True))
+    moved = {one.name for one, other in zip(given.rig, seen.rig, strict=True) if one != other}
+    cameras = tuple(name for name in given.rig.names if name in moved or name in priors)
+    if not (priors or (cameras and len(found.state.fits) > 1)):
+        return None
+    known = {name: priors.get(name, Pose.sigma) for name in cameras}
+    return Refinement(
+        given.rig, seen.rig, cameras, bool(priors), given.grid, known, gains, found.left_out
+    )
 
 
 def _emission(found: Inference, copy: CoarseCopy, grid: VoxelGrid) -> NDArray[np.float32]:

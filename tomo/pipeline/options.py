@@ -68,8 +68,8 @@ class Options(Declared, gone=GONE):
     )
     refine_frames: int = option(
         4,
-        "With frames: from how many of them, spread evenly, cameras are refined together; as many "
-        "others judge.",
+        "With frames: from how many of them, spread evenly, cameras that are asked for are "
+        "refined together.",
         whole(1, 100, "100"),
         expert=True,
     )
@@ -146,9 +146,10 @@ class Options(Declared, gone=GONE):
     )
     refine_cameras: tuple[str, ...] | None = option(
         None,
-        "Cameras whose poses are refined from the images; kept only where held-out rays are "
-        "predicted better. all: every camera; nominal: those that the rig calls nominal; none. By "
-        "default all with frames, if there are enough, and none with one frame.",
+        "Cameras whose poses, focal lengths and gains are refined from the images; kept only "
+        "where left-out pixels are predicted better. all: every camera; nominal: those that the "
+        "rig calls nominal; none. By default cameras are moved that images contradict, see "
+        "align.",
         names(optional=True),
         metavar="CAMERAS",
     )

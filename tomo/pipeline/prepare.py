@@ -80,7 +80,7 @@ def prepare(
     loaded : sequence of LoadedScan
         One frame, or the key frames of a film.
     refining : sequence of LoadedScan
-        Frames that refine cameras and that judge, in turn.
+        The frames that cameras are refined from, and with them all effects.
     cameras : sequence of str
         Those to refine.
     stage : callable
@@ -89,11 +89,10 @@ def prepare(
     stage("pixels")
     screened = screen(mean_of_frames(loaded), options.hold_out, look=options.screen)
     stage("cameras and gas")
-    screened = infer_effects(screened, scan, grid, options, loaded)
-    progress = stage("empty voxels")
+    screened = infer_effects(screened, scan, grid, options, refining or loaded, cameras)
+    stage("empty voxels")
     frames = [images_of(one, screened) for one in loaded]
-    others = [images_of(one, screened) for one in refining] if cameras else []
-    registered = register(screened, frames, grid, options, cameras, others, progress)
+    registered = register(screened, frames, grid, options)
     traced = trace_views(screened, registered, grid, options, stage("tracing"))
     apart = trace_apart(screened, traced.system, options)
     stage("basis and weights")

@@ -65,7 +65,7 @@ def _run_stages(
     stage("compiling")
     first_use = warm_up_stages(options.tracer, carving=options.skip)
     refine = cameras_to_refine(options, scan)
-    ready = prepare(scan, grid, options, [loaded], [loaded], refine, stage)
+    ready = prepare(scan, grid, options, [loaded], cameras=refine, stage=stage)
     step = stage("smoothness and solve")
     solved = solve(ready.built, options, watch=reference.watch, progress=step)
     solved = with_own_absorption(solved, options)

@@ -63,7 +63,7 @@ class Reconstruction:
     depth_of_field : mapping, optional
         How it was modelled, see `tomo.pipeline.depth_of_field`; None where lenses were pinholes.
     refinement, gains : mapping, optional
-        See `tomo.selfcal.refine.Refinement.report` and `tomo.operators.view_gains.Gains.report`;
+        See `tomo.pipeline.refine.Refinement.report` and `tomo.operators.view_gains.Gains.report`;
         None where they were not looked for, or the gains not corrected.
     refined_rig : Rig, optional
         All cameras, those refined and shifted as they were found, at the size that images were

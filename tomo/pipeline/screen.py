@@ -15,6 +15,7 @@ from tomo.model import Corrections
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
+from tomo.pipeline.refine import Refinement
 from tomo.pipeline.stage import Record, timed
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
@@ -60,6 +61,8 @@ class ScreenedScan:
         What the images were corrected by; None where effects were not looked for.
     findings : tuple of Finding
         What is wrong with cameras and gas, the gravest first.
+    refinement : Refinement, optional
+        What was found of cameras; None where none was asked for or moved.
     gains : Gains, optional
         The gains and backgrounds that the images were corrected by; None where they were not.
     excluded : tuple of str
@@ -85,6 +88,7 @@ class ScreenedScan:
     pixels: PixelCheck | None = None
     corrections: Corrections | None = None
     findings: tuple[Finding, ...] = ()
+    refinement: Refinement | None = None
     gains: Gains | None = None
     excluded: tuple[str, ...] = ()
     places: tuple[Place, ...] = ()

@@ -236,8 +236,9 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
         return None
     kept = "Used" if found["accepted"] else "Not used"
     words = (
-        f"{kept}: {found['reason']} (relative error of rays that took no part). Positions and "
-        "turns are along and about each camera's own axes right, down and forward; trusted to: "
+        f"{kept}: {found['reason']} (of pixels that took no part). Shifts are those of "
+        "principal points; positions and turns are along and about each camera's own axes right, "
+        "down and forward; trusted to: "
         "how far the rig file may be off, moved: how far the image moved, both in pixels."
     )
     rows = [
@@ -245,6 +246,7 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
             name,
             f"{own['prior_pixels']:.2f}",
             f"{own['moved_pixels']:.2f}" if "moved_pixels" in own else "not seen",
+            ", ".join(f"{pixels:+.2f}" for pixels in own.get("shift_pixels", ())),
             ", ".join(f"{length:+.3g}" for length in own["position_right_down_forward"]),
             ", ".join(f"{angle:+.3f}" for angle in own["turn_degrees"]),
             f"x {own['focal_length_ratio']:.4f}",
@@ -256,6 +258,7 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
         "Camera",
         "trusted to (px)",
         "moved (px)",
+        "shift (px)",
         f"position ({length_unit})",
         "turn (degrees)",
         "focal length",

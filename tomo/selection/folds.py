@@ -121,16 +121,6 @@ class Fold:
             squares *= self.left_out_weights
         return np.bincount(self.blocks, squares).astype(np.float64, copy=False)
 
-    def squared_means(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return ``(sum r)² / n`` of every left-out block of n pixels, ``(blocks,)``, weighted.
-
-        The means of blocks have little noise, and little of details finer than voxels.
-        """
-        misfit = (self.left_out @ volume - self.left_out_pixels).astype(np.float64)
-        if self.left_out_weights is not None:
-            misfit *= np.sqrt(self.left_out_weights)
-        return np.bincount(self.blocks, misfit) ** 2 / np.bincount(self.blocks)
-
     @property
     def n_blocks(self) -> int:
         """Number of left-out blocks."""

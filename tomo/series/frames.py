@@ -106,5 +106,5 @@ def key_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
 
 
 def refining_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
-    """Return the places in the scan of the frames that refine cameras, and that judge, in turn."""
-    return tuple(places[one] for one in spread(len(places), 2 * options.refine_frames))
+    """Return the places in the scan of the frames that cameras are refined from."""
+    return tuple(places[one] for one in spread(len(places), options.refine_frames))

@@ -38,7 +38,7 @@ class Plan:
     screened : ScreenedScan
         The mean of the key frames: which cameras and pixels take part, and corrections of images.
     registered : Registered
-        The cameras, shifted and refined where that was found worth it.
+        The cameras, where they were found to be.
     system : BlockSystem
         The equations of the mean, over the voxels that the key frames may light.
     emission : (nx, ny, nz) float32, optional
@@ -88,7 +88,7 @@ class Plan:
     def report(self) -> dict[str, Any]:
         """Return what was settled, as plain numbers and words for the store's attributes."""
         built, names = self.system.built, self.registered.rig.names
-        gains, refinement = self.screened.gains, self.registered.refinement
+        gains, refinement = self.screened.gains, self.screened.refinement
         pixels, excluded = self.screened.pixels, list(self.screened.excluded)
         rule = self.registered.rule
         return plain(

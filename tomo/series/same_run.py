@@ -13,10 +13,10 @@ import yaml
 
 from rigs.files.write_rig import rig_to_yaml
 from tomo.grid import VoxelGrid
+from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
-from tomo.series.cameras import cameras_of_film
 from tomo.series.frames import BLOCK, refining_places
 from tomo.series.images import naming, readable, readable_keys
 from tomo.series.plan import Plan
@@ -44,7 +44,7 @@ def attributes_of_run(
     """
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
     refining: tuple[int, ...] = ()
-    if cameras_of_film(options, scan, len(places)):
+    if cameras_to_refine(options, scan):
         refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     return plain(
         {
@@ -75,7 +75,8 @@ def attributes_of_run(
 
 def attributes_of_plan(plan: Plan) -> dict[str, Any]:
     """Return the attributes of a store that say what was settled for all frames."""
-    found = plan.registered.recorded_rig(plan.scan)
+    moved = plan.screened.refinement
+    found = moved and moved.recorded_rig(plan.scan)
     return plain(
         {
             "plan": plan.report(),

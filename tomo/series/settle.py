@@ -18,7 +18,7 @@ from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_cameras import check_cameras
-from tomo.pipeline.check_options import check_options
+from tomo.pipeline.check_options import cameras_to_refine, check_options
 from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.frames import FrameImages
@@ -31,7 +31,6 @@ from tomo.scan import Scan
 from tomo.selection import choose_by_left_out_pixels
 from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
-from tomo.series.cameras import cameras_of_film
 from tomo.series.frames import refining_places, spread
 from tomo.series.images import read_frame, readable, readable_keys
 from tomo.series.plan import Plan
@@ -111,7 +110,7 @@ def make_plan(
     stage("reading key frames")
     keys = readable_keys(scan, places, options)
     loaded = [read_frame(scan, place, False) for place in keys]
-    cameras = cameras_of_film(options, scan, len(places))
+    cameras = cameras_to_refine(options, scan)
     refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     others = [read_frame(scan, place, False) for place in refining] if cameras else []
     ready = prepare(scan, grid, options, loaded, others, cameras, stage)

@@ -11,10 +11,10 @@ from rigs import Camera, Distortion, Rig, Volume, formats, load_rig, look_at, sa
 from rigs.changes import as_ray_tables, with_cameras
 from rigs.scene import Cylinder, Glass, Mesh, Mirror, Opaque, Scene, SceneCamera, Sphere, Window
 from tomo.grid import VoxelGrid
+from tomo.model.pose import moved
 from tomo.operators.dot_test import dot_test
 from tomo.operators.system import LinearSystem
 from tomo.rays import Rays
-from tomo.selfcal.refine.parameters import moved
 from tomo.trace import tracing
 
 from . import closed_forms as forms
@@ -214,10 +214,10 @@ def test_fresnel_dims_what_is_seen_behind_a_window():
 
 
 def test_a_camera_moves_behind_its_window_and_not_behind_a_mirror():
-    motion = np.array([0.4, -0.3, 2, 0.001, 0.002, -0.01, 0.02, 0])
+    motion = np.array([0.4, -0.3, 2, 1, 0, 0])
     air = dataclasses.replace(GLASS, material=Glass(1.0))
-    seen = moved(SceneCamera(camera(), Scene((air,))), motion)
-    wanted = moved(camera(), motion).project(points())[0]
+    seen = moved(SceneCamera(camera(), Scene((air,))), motion, np.zeros(3))
+    wanted = moved(camera(), motion, np.zeros(3)).project(points())[0]
     np.testing.assert_allclose(seen.project(points())[0], wanted, atol=1e-8)
     assert seen.scene == Scene((air,))
     assert not SceneCamera(camera(), Scene((Mirror("m", (0, 0, -90), (0, 0, 1)),))).has_pose

@@ -10,8 +10,6 @@ from phantoms import create
 from rigs import box_points, load_rig, ray_miss, ring
 from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
-from tomo.selfcal.refine.parameters import COUNT, moved_rig
-from tomo.selfcal.refine.prior import units
 from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((14, 28, 14), 1.0)
@@ -27,16 +25,12 @@ def rig():
 
 
 @pytest.fixture(scope="module")
-def scan(tmp_path_factory, rig):
+def scan(tmp_path_factory, rig, disturbed):
     """A scan whose rig.yaml says of each camera a pixel of nonsense."""
     flame = create("turbulent", extent=GRID.extent, seed=2)
     made = simulate_images(rig, flame, GRID, supersample=2, refine=2, noise=0.01, seed=2)
-    random = np.random.default_rng(8)
-    steps = np.zeros((len(rig), COUNT))
-    for index, camera in enumerate(rig):
-        steps[index, :6] = random.normal(size=6) * 0.6 * units(camera, GRID)[:6]
     folder = tmp_path_factory.mktemp("disturbed") / "scan"
-    replace(made, rig=moved_rig(rig, steps)).save(folder)
+    replace(made, rig=disturbed(rig, GRID, 8, 0.6)).save(folder)
     return folder
 
 

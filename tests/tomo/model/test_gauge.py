@@ -97,6 +97,14 @@ def test_a_gauge_is_taken_out_where_most_views_are_free(observed):
     np.testing.assert_array_equal(without_gauge({"pose": own}, *observed, free)["pose"], own)
 
 
+@pytest.mark.parametrize("few", [5, 6])
+def test_held_poses_keep_their_values_while_one_camera_stays(observed, motions, few):
+    common, free = motions[:, :, 0], {"pose": np.ones((6, 6), bool)}
+    free["pose"][few:] = False
+    left = without_gauge({"pose": common}, *observed, free, held=["pose"])["pose"]
+    np.testing.assert_allclose(left, common if few < 6 else 0, atol=1e-6)
+
+
 def test_the_median_gain_is_one(observed):
     gain = np.array([[0.1], [0.12], [0.1], [0.5], [0.1], [-0.2]])
     found = without_gauge({"gain": gain}, *observed)["gain"]

@@ -58,6 +58,13 @@ def test_a_table_of_rays_is_moved_as_its_camera():
     )
 
 
+def test_cameras_may_have_priors_of_their_own(observed):
+    observation, _ = observed
+    usual, own = (one.deviation(observation) for one in (Pose(), Pose(0, {"cam01": 2.0})))
+    np.testing.assert_allclose(own[1], 4 * usual[1])
+    assert 0 < np.delete(own, 1, axis=0).max() < 1e-5
+
+
 def test_by_its_prior_a_camera_stands_off_by_as_much_as_it_looks_off(observed):
     seen, _ = observed
     for camera, own, pixel in zip(

@@ -68,9 +68,9 @@ def missed(low: float, high: float, report: Facts) -> Iterator[Facts]:
 
 
 def refined(report: Facts) -> Iterator[Facts]:
-    """Yield how many cameras were refined from the images, if they were."""
+    """Yield how many cameras were refined from the images, if that was asked for."""
     found = _part(report, "refinement")
-    if found.get("accepted"):
+    if found.get("accepted") and found.get("asked", True):
         yield {"cameras": _count(found["cameras"])}
 
 

@@ -16,17 +16,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 import rigs
-from rigs import Rig, box_points, ray_miss
+from rigs import box_points, ray_miss
 from studies.benchmark.plume import LOWER, SCAN, UPPER
+from studies.common.poses import disturbed
 from studies.common.scans import reconstructed, simulated_by
 from studies.common.study import Progress, Request, Tables
 from tomo import VoxelGrid, load_scan
-from tomo.selfcal.refine import refine_cameras
-from tomo.selfcal.refine.parameters import COUNT, moved_rig
-from tomo.selfcal.refine.prior import units
 
 VIEWS, NOISE = 12, 0.02
 ERROR = 0.35
@@ -75,18 +71,20 @@ def rigs_refined(
     for number, seed in enumerate(seeds):
         progress(number, len(seeds), f"poses {error:g} px wrong, seed {seed}")
         scan = simulated_by(true, grid, ("turbulent", seed), supersample=3, noise=NOISE, seed=seed)
-        given = _disturbed(true, grid, seed, error)
+        given = disturbed(true, grid, seed, error)
+        wrong = replace(scan, rig=given)
         began = time.perf_counter()
-        found = refine_cameras(given, list(scan.images.values()), grid)
+        found = reconstructed(wrong, grid, refine_cameras="all", method="sirt", iterations=2)
         seconds = time.perf_counter() - began
+        rig = found.refined_rig or given
         points = box_points(grid.lower, grid.upper, POINTS)
-        before, after = (ray_miss(true, rig, points) / footprint for rig in (given, found.rig))
+        before, after = (ray_miss(true, one, points) / footprint for one in (given, rig))
         rows.append(
             {
                 "seed": seed,
                 "before_pixels": before,
                 "after_pixels": after,
-                "accepted": found.accepted,
+                "accepted": found.refinement["accepted"],
                 "seconds": seconds,
             }
         )
@@ -123,12 +121,3 @@ def plume(folder: Path, progress: Progress) -> list[dict[str, Any]]:
             row[f"{frame}_refined"] = refined.report()["held_out"][name]["psnr"]
         rows.append(row)
     return rows
-
-
-def _disturbed(rig: Rig, grid: VoxelGrid, seed: int, error: float) -> Rig:
-    """Return the rig with every camera shifted and turned at random, so many pixels each."""
-    random = np.random.default_rng(seed)
-    steps = np.zeros((len(rig), COUNT))
-    for number, camera in enumerate(rig):
-        steps[number, :6] = random.normal(size=6) * error * units(camera, grid)[:6]
-    return moved_rig(rig, steps)
