@@ -318,13 +318,17 @@ class LinearSystem:
         ----------
         sides : sequence of int
             Pixels along each side of a square, one number a camera.
+
+        Notes
+        -----
+        Views count by name: the order of the cameras in the rig changes no square's number.
         """
-        found, first = [], 0
-        for camera, kept, side in zip(self.rig, self.pixels, sides, strict=True):
-            width, height = camera.image_size
-            rows, columns = np.divmod(kept, width)
+        found, first = [np.zeros(0, np.int64)] * len(self.rig), 0
+        for view in sorted(range(len(self.rig)), key=lambda view: self.rig[view].name):
+            (width, height), side = self.rig[view].image_size, sides[view]
+            rows, columns = np.divmod(self.pixels[view], width)
             across = -(-width // side)
-            found.append(first + rows // side * across + columns // side)
+            found[view] = first + rows // side * across + columns // side
             first += across * -(-height // side)
         return np.concatenate(found)
 
