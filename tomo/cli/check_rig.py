@@ -152,7 +152,8 @@ def _limits(rig: Rig, voxels: VoxelGrid, noise: float) -> Limits:
     from tomo.pipeline.limits import limits_of_rig
     from tomo.pipeline.options import Options
 
-    effects = effects_of(Options(), TRANSPARENT, voxels, factor_of(rig, voxels))
+    factor = factor_of(rig, voxels)
+    effects = effects_of(Options(), TRANSPARENT, voxels, factor, len(rig))
     return limits_of_rig(rig, voxels, effects, noise)
 
 

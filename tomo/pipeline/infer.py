@@ -44,6 +44,7 @@ from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.usable import with_image_in_place, without_unusable
 from tomo.scan import Scan
+from tomo.selection.folds import FEW_VIEWS
 
 UNKNOWN_GAIN = 1.0
 """Prior standard deviation of the gains' logarithms where their fit is asked for: that of `Gain`
@@ -60,10 +61,12 @@ def effects_of(
     known: Absorption,
     grid: VoxelGrid,
     factor: int,
+    views: int,
     poses: Mapping[str, float] = MappingProxyType({}),
 ) -> tuple[Effect, ...]:
     """Return the effects that options let loose, for pixels ``factor`` times as wide.
 
+    A field of gas has hundreds of nodes: few ``views`` do not tell it from what else is wrong.
     ``poses`` are the standard deviations of cameras that are refined, in pixels as recorded.
     """
     found: list[Effect] = []
@@ -77,7 +80,8 @@ def effects_of(
     if options.fit_absorption or (options.fit_absorption is None and default):
         given = known.extinction is not None
         if options.absorption is None and not given:
-            found += [Absorbing(own=False), Absorber(grid)]
+            found.append(Absorbing(own=False))
+            found += [Absorber(grid)] if views > FEW_VIEWS else []
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
     if options.align or poses:
@@ -149,7 +153,7 @@ def _inferred(
     )  # fmt: skip
     names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
     priors = priors_of([name for name in names if name in cameras], whole, options)
-    effects = effects_of(options, known, grid, factor, priors)
+    effects = effects_of(options, known, grid, factor, len(names), priors)
     if len(scan.rig) < FEWEST_VIEWS or not effects:
         return screened
     frames, carving = [whole], options.skip and options.carving != OFF
