@@ -121,6 +121,6 @@ def infer(
         state = adaptation.adapted(state, ratio)
     if state is not given:
         state = adaptation.pruned(state, kept)
-    if state is not given and predict_left_out(given.fits, state.fits).is_surely_worse:
+    if state is not given and not predict_left_out(given.fits, state.fits).is_clearly_better:
         state = given
     return Inference(tuple(effects), state, scores, refined, left_out)

@@ -1,4 +1,4 @@
-"""Left-out pixels: a veto on corrections that predict them surely worse."""
+"""Left-out pixels: corrections are kept that predict them better."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from tomo.inference.fit import Fit
 from tomo.inference.solve import next_fit
 from tomo.selection.folds import blocks_to_leave_out
 
-SURELY = 3.0
-"""Standard errors of the blocks' differences from which a prediction is surely worse: voxels
-imitate gas, and the better absorption may predict a little worse."""
+BETTER = 0.5
+"""Standard errors of the squares' differences by which a correction predicts better. Less, poses
+that voxels made of turbulence are kept; more, real ones of cameras that all err are lost."""
 
 SIDE = 4
 """Pixels along each side of the squares that are left out together: neighbours predict smaller
@@ -44,15 +44,15 @@ class LeftOut:
         return before, after
 
     @property
-    def is_surely_worse(self) -> bool:
-        """Whether the correction predicts them worse, by more than chance."""
-        more = self.after - self.before
-        return bool(len(more) and more.sum() > SURELY * np.sqrt(len(more)) * more.std())
+    def is_better(self) -> bool:
+        """Whether the correction predicts them better at all: enough where it was asked for."""
+        return bool(self.after.sum() < self.before.sum())
 
     @property
-    def is_better(self) -> bool:
-        """Whether the correction predicts them better at all."""
-        return bool(self.after.sum() < self.before.sum())
+    def is_clearly_better(self) -> bool:
+        """Whether it does by more than `BETTER`: what was not asked for has to."""
+        less = self.before - self.after
+        return bool(len(less) and less.sum() > BETTER * math.sqrt(len(less)) * less.std())
 
 
 def predict_left_out(given: Sequence[Fit], corrected: Sequence[Fit]) -> LeftOut:

@@ -114,4 +114,13 @@ def test_errors_are_relative_to_the_light():
     found = LeftOut(np.array([0.4, 0.5]), np.array([0.04, 0.05]), pixels=10)
     np.testing.assert_allclose(found.relative_errors, (0.3, 0.3 / np.sqrt(10)))
     assert found.is_better
-    assert not found.is_surely_worse
+    assert found.is_clearly_better
+
+
+def test_what_chance_makes_is_not_clearly_better():
+    before = np.array([1.0, 0.1, 0.5, 0.2])
+    found = LeftOut(before, before - [0.3, -0.2, -0.2, 0.2])
+    assert found.is_better
+    assert not found.is_clearly_better
+    assert not LeftOut(found.after, found.before).is_better
+    assert not LeftOut(np.zeros(0), np.zeros(0)).is_clearly_better
