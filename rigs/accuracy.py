@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
+
+from rigs.figures import check_figures
 
 
 @dataclass(frozen=True)
@@ -38,19 +39,7 @@ class Accuracy:
 
     def __post_init__(self) -> None:
         """Normalise to plain floats, so that accuracies compare, hash and print as values."""
-        for field in fields(self):
-            found = getattr(self, field.name)
-            if found is None:
-                continue
-            try:
-                value = float(found)
-            except (TypeError, ValueError, OverflowError):
-                value = math.nan
-            if not (math.isfinite(value) and value >= 0) or isinstance(found, bool):
-                raise ValueError(
-                    f"accuracy.{field.name}: found {found!r}, expected a number of at least 0"
-                )
-            object.__setattr__(self, field.name, value)
+        check_figures(self, "accuracy", lambda value: value >= 0, "a number of at least 0")
 
     def with_pixels_scaled(self, factor: float) -> Accuracy:
         """Return the accuracy where pixels are ``factor`` times as far apart on the sensor."""

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass, fields, replace
+
+from rigs.figures import check_figures
 
 
 @dataclass(frozen=True)
@@ -34,19 +35,7 @@ class Optics:
 
     def __post_init__(self) -> None:
         """Normalise to plain floats, so that optics compare, hash and print as values."""
-        for field in fields(self):
-            found = getattr(self, field.name)
-            if found is None:
-                continue
-            try:
-                value = float(found)
-            except (TypeError, ValueError, OverflowError):
-                value = math.nan
-            if not (math.isfinite(value) and value > 0) or isinstance(found, bool):
-                raise ValueError(
-                    f"optics.{field.name}: found {found!r}, expected a positive number"
-                )
-            object.__setattr__(self, field.name, value)
+        check_figures(self, "optics", lambda value: value > 0, "a positive number")
 
     def with_lengths_scaled(self, factor: float) -> Optics:
         """Return the figures of a world whose lengths are ``factor`` times as large."""

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from tomo.grid import ActiveVoxels
+from tomo.model.effect import Prediction
 from tomo.model.observation import Observation
 from tomo.model.outside import Surroundings
 from tomo.operators import LinearSystem
@@ -82,6 +83,17 @@ class Fit:
         projector = self.system.projector
         volume = projector.active.expand(self.unknowns.astype(np.float32))
         return projector.voxel_means(volume.reshape(projector.grid.shape))
+
+    @property
+    def prediction(self) -> Prediction:
+        """The images that the volume shows, to which effects give columns."""
+        return Prediction(self.observation, self.system, self.unknowns.astype(np.float32))
+
+    def view_sums(self, pixels: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the sums over the pixels of each view, ``(..., views)`` of ``(..., pixels)``."""
+        before = np.zeros((*pixels.shape[:-1], 1))
+        running = np.concatenate([before, np.cumsum(pixels, axis=-1)], axis=-1)
+        return np.diff(running[..., self.system.projector.view_ptr])
 
     @property
     def smoothed(self) -> NDArray[np.float64]:

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-from tomo.inference.fit import Fit
 from tomo.inference.infer import Inference
 from tomo.model import Gain
-from tomo.model.effect import Prediction
 from tomo.model.stated import stated_errors
 
 
@@ -26,14 +23,14 @@ def light_error(found: Inference) -> float:
     state, spread = found.state, found.spread
     fit = state.fits[0]
     views = len(state.hidden)
-    at = Prediction(fit.observation, fit.system, fit.unknowns.astype(np.float32))
-    light = np.maximum(_sums(at.pixels, fit), np.finfo(np.float64).tiny)  # (views,)
+    at = fit.prediction
+    light = np.maximum(fit.view_sums(at.pixels), np.finfo(np.float64).tiny)  # (views,)
     squares = 0.0
     for effect in found.effects:
         free = state.free[effect.name]
         if not free.any() or effect.name not in spread or effect.field_of is not None:
             continue
-        change = (_sums(effect.columns(at), fit) / light).T  # (views, parameters)
+        change = (fit.view_sums(effect.columns(at)) / light).T  # (views, parameters)
         error = change * np.where(free, spread[effect.name], 0.0) / views
         squares += float(error.sum() if effect.shared else np.linalg.norm(error)) ** 2
         if effect.name == Gain.name:
@@ -50,10 +47,3 @@ def _of_lenses(found: Inference) -> float:
     across = np.array([min(camera.image_size) / 2 for camera in seen.rig])
     zoom = stated_errors(seen.rig, seen.grid, seen.pixel)[:, 3] / across
     return float(2 * np.linalg.norm(zoom) / len(zoom))
-
-
-def _sums(pixels: NDArray[np.float64], fit: Fit) -> NDArray[np.float64]:
-    """Return the sums over the pixels of each view, ``(..., views)``."""
-    before = np.zeros((*pixels.shape[:-1], 1))
-    running = np.concatenate([before, np.cumsum(pixels, axis=-1)], axis=-1)
-    return np.diff(running[..., fit.system.projector.view_ptr])

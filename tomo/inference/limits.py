@@ -19,7 +19,7 @@ from tomo.inference.infer import Inference
 from tomo.inference.scores import NEGLIGIBLE
 from tomo.inference.solve import Values, next_fit
 from tomo.inference.steps import Steps
-from tomo.model.effect import Effect, Prediction
+from tomo.model.effect import Effect
 
 CONFUSED = 0.8
 """Score of another effect over that of the one that is there, from which the two look alike."""
@@ -119,11 +119,8 @@ def _fits_with(
     """Return the fits of voxels alone to the images with small effects added."""
     made = []
     for fit in fits:
-        prediction = Prediction(fit.observation, fit.system, fit.unknowns.astype(np.float32))
-        rows = np.diff(fit.system.projector.view_ptr)
-        added = np.zeros_like(fit.measured)
+        prediction, added = fit.prediction, np.zeros_like(fit.measured)
         for effect in effects:
-            of_pixels = np.repeat(values[effect.name], rows, axis=0).T  # (parameters, pixels)
-            added += np.einsum("kp,kp->p", effect.columns(prediction), of_pixels)
+            added += prediction.changed_by(effect, values[effect.name])
         made.append(next_fit(replace(fit, measured=fit.measured + added)).with_trust())
     return tuple(made)

@@ -19,7 +19,7 @@ FALSE_ALARMS = 0.02
 """Probability that anything is said of a faultless scene."""
 
 NEGLIGIBLE = 0.1
-"""Size of an effect, in standard deviations of its prior, that is never told from voxels."""
+"""Size of an effect, in standard deviations of its prior, that voxels may always explain."""
 
 OUTSIDE, HIDDEN, FIELD = "outside", "hidden", "field"
 
@@ -121,7 +121,7 @@ class Scores:
         return found
 
     def least(self, effect: Effect) -> NDArray[np.float64]:
-        """Return the sizes that are never told from voxels, ``(views, parameters)``."""
+        """Return the sizes that are never distinguished from voxels, ``(views, parameters)``."""
         deviation = self.deviation[effect.name]
         if effect.field_of is not None:
             return np.full_like(deviation, LEAST[FIELD])

@@ -109,7 +109,7 @@ def next_fits(
     problems, variances = [], []
     for one in found:
         projector = one.system.projector
-        prediction = _prediction(one)
+        prediction = one.prediction
         variances.append(variance_of(one.system, one.observation, prediction.pixels))
         lit = one.unknowns[one.unknowns > 0]
         peak = float(np.percentile(lit, 99)) if len(lit) else 1.0
@@ -160,16 +160,12 @@ def rises(found: Sequence[Fit], effect: Effect) -> bool:
     """
     operators, weights, steep = [], [], []
     for one in found:
-        prediction = _prediction(one)
+        prediction = one.prediction
         variance = variance_of(one.system, one.observation, prediction.pixels)
         operators.append(effect.columns(prediction))
         weights.append(one.trust / (variance * one.inflation))
         steep.append(operators[-1].T @ (weights[-1] * one.residual))
     return bool((np.sum(steep, axis=0) > _pull(operators, weights)).any())
-
-
-def _prediction(one: Fit) -> Prediction:
-    return Prediction(one.observation, one.system, one.unknowns.astype(np.float32))
 
 
 def _pull(

@@ -160,11 +160,6 @@ def distrust(fits: Sequence[Fit], lit: float = -np.inf) -> NDArray[np.float64]:
 
 
 def _distrust(fit: Fit, lit: float) -> NDArray[np.float64]:
-    ptr = fit.system.projector.view_ptr
     bright = np.maximum(fit.measured, fit.measured - fit.residual) >= lit
-    counted = fit.usable & bright
-
-    def sums(values: NDArray) -> NDArray[np.float64]:
-        return np.diff(np.r_[0.0, np.cumsum(np.where(counted, values, 0.0))][ptr])
-
-    return sums(1 - fit.trust) / np.maximum(sums(np.ones(len(bright))), 1)
+    counted = (fit.usable & bright).astype(np.float64)
+    return fit.view_sums(counted * (1 - fit.trust)) / np.maximum(fit.view_sums(counted), 1)

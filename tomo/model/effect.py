@@ -67,6 +67,17 @@ class Prediction:
         found = [projector @ active.compress(field.astype(np.float32)) for field in fields]
         return np.asarray(found, np.float64)
 
+    def changed_by(self, effect: Effect, values: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return the change of ``A x`` by an effect of ``values``, to first order, ``(pixels,)``.
+
+        ``values`` are ``(views, parameters)``; all views have those of a field.
+        """
+        columns = effect.columns(self)
+        if effect.field_of is not None:
+            return columns @ values[0]
+        of_pixels = np.repeat(values, np.diff(self.system.projector.view_ptr), axis=0)
+        return np.einsum("kp,pk->p", columns, of_pixels)
+
     def of_view(self, number: int, image: NDArray) -> NDArray[np.float64]:
         """Return the pixels of view ``number`` that take part, of an image, ``(rows,)``."""
         return np.asarray(image, np.float64).ravel()[self.system.pixels[number]]

@@ -17,7 +17,7 @@ from tomo.inference.infer import Inference
 from tomo.inference.steps import fraction_outside, mean_volume
 from tomo.measurement.pixel_check import PixelCheck
 from tomo.model import Absorber, Background, Blur, Corrections, Gain, Observation
-from tomo.model.effect import Effect, Prediction
+from tomo.model.effect import Effect
 from tomo.pipeline.coarse import CoarseCopy
 from tomo.scan.images import Images
 
@@ -136,14 +136,8 @@ def _changes(
     """Return what an effect changes of each view's images, relative to these, ``(views,)``."""
     changed, light = np.zeros((2, len(values)))
     for fit in fits:
-        at = Prediction(fit.observation, fit.system, fit.unknowns.astype(np.float32))
-        ptr = fit.system.projector.view_ptr
-        of_view = np.repeat(np.arange(len(values)), np.diff(ptr))
-        if isinstance(effect, Absorber):
-            change = effect.columns(at) @ values[0]
-        else:
-            change = np.einsum("pn,np->n", effect.columns(at), values[of_view])
-        changed += _squares(change, ptr)
+        at, ptr = fit.prediction, fit.system.projector.view_ptr
+        changed += _squares(at.changed_by(effect, values), ptr)
         light += _squares(at.pixels, ptr)
     return np.sqrt(changed / np.maximum(light, 1e-300))
 

@@ -12,7 +12,7 @@ from rigs.calibrate.quality.covariance import root_of
 from rigs.files.json_file import plain
 
 _POINTS = 100  # of the volume; six motions need far fewer, more take time
-_APART = 1e-3  # least ratio of singular values at which motions are told apart
+_APART = 1e-3  # least ratio of singular values at which motions differ
 _DIGITS = 3  # significant ones, in files
 
 

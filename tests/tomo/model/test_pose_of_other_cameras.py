@@ -98,7 +98,7 @@ def shown(rig, volume):
 
 @ALL
 def test_columns_are_finite_differences(kind, volume):
-    """Of images that moved cameras take, each ray traced anew."""
+    """Images that moved cameras take are compared, each ray traced anew."""
     camera, step = CAMERAS[kind], 0.7
     seen, system, unknowns, _ = shown(Rig((camera,)), volume)
     columns = Pose().columns(Prediction(seen, system, unknowns))
