@@ -113,14 +113,22 @@ def infer(
         if left_out.is_better:
             state, refined = adaptation.relaxed(replace(loose, fits=afresh)), refine
             kept = {name: one | refine.get(name, False) for name, one in kept.items()}
-    given = state
-    for _ in range(ROUNDS):
-        ratio = scores.ratios(state)
-        if max(float(one.max()) for one in ratio.values()) < 1:
-            break
-        state = adaptation.adapted(state, ratio)
+    given, state = state, _searched(state, scores, adaptation)
     if state is not given:
         state = adaptation.pruned(state, kept)
     if state is not given and not predict_left_out(given.fits, state.fits).is_clearly_better:
         state = given
     return Inference(tuple(effects), state, scores, refined, left_out)
+
+
+def _searched(given: State, scores: Scores, adaptation: Adaptation) -> State:
+    """Return the state with all effects that exceed their null; as given if the first misleads."""
+    state = given
+    for found in range(ROUNDS):
+        ratio = scores.ratios(state)
+        if max(float(one.max()) for one in ratio.values()) < 1:
+            break
+        state = adaptation.adapted(state, ratio)
+        if not found and predict_left_out(state.fits, given.fits).is_clearly_better:
+            return given  # seven more would be dropped with it
+    return state
