@@ -141,6 +141,15 @@ class Adaptation:
         fits = self._seen_again(state.fits, values)
         return self.relaxed(replace(state, fits=fits, values=values, free=free))
 
+    def without_view(self, state: State, view: int) -> State:
+        """Return the state without the image of a view, and without what was found of it."""
+        others = np.arange(len(state.hidden)) != view
+        free = {name: one & others[:, None] for name, one in state.free.items()}
+        values = {name: np.where(free[name], one, 0.0) for name, one in state.values.items()}
+        fits = self._seen_again([fit.of_views(others) for fit in state.fits], values)
+        less = replace(state, fits=fits, values=values, free=free, hidden=state.hidden | ~others)
+        return self.relaxed(less)
+
     def relaxed(self, state: State, steps: int = STEPS) -> State:
         """Return the state after Gauss-Newton steps of all that is loose, while they help."""
         scales = state.scales

@@ -115,10 +115,15 @@ def _size(one: Finding) -> str:
 MOST_NAMED = 4
 """Cameras of a line that are named; of more the worst is, and report.json has all."""
 
-LEFT_OUT = ("hidden", "scatter", "saturation", "bad pixels", "dark", "same image")
+LEFT_OUT = (
+    "hidden", "scatter", "disagreement", "saturation", "bad pixels", "dark", "same image",
+)  # fmt: skip
 """Effects that are not corrected but left out."""
 
-IN_DOUBT = ("hidden", "scatter", "saturation", "dark", "same image", "outside", "absorption")
+IN_DOUBT = (
+    "hidden", "scatter", "disagreement", "saturation", "dark", "same image", "outside",
+    "absorption",
+)  # fmt: skip
 """Effects after which a volume is in doubt though it was made without them: pixels or views are
 missing, or what was corrected was not measured."""
 
@@ -170,6 +175,12 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "{who}: {size} of the pixels are brighter than any volume explains, light is reflected "
         "or scattered, or the flame is that of another moment",
         _LOOK,
+    ),
+    "disagreement": (
+        "{who}: no correction makes the image agree with those of the others: light is reflected "
+        "or scattered, the flame is that of another moment, or the camera is not where the rig "
+        "says",
+        "Look at the image beside its re-projection, and check camera {camera}",
     ),
     "saturation": (
         "{who}: images cut off at {size}, saturation: more pixels have that value than lie just "

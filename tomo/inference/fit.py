@@ -127,6 +127,11 @@ class Fit:
         of_view = np.repeat(views, np.diff(self.system.projector.view_ptr))
         return replace(self, trust=np.where(of_view & self.usable, 1.0, self.trust))
 
+    def of_views(self, views: NDArray[np.bool_]) -> Fit:
+        """Return the fit of the pixels of some views alone."""
+        of_view = np.repeat(views, np.diff(self.system.projector.view_ptr))
+        return replace(self, usable=self.usable & of_view)
+
     def disagreement(self, scale: float) -> float:
         """Return the bounded sum of squared smoothed residuals, in independent pixels."""
         squares = np.square(self.smoothed / scale)

@@ -22,6 +22,9 @@ from tomo.inference.state import State, corrected
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
 
+FEWEST_VIEWS = 3
+"""Views that effects need at least: whatever is wrong, some volume reproduces two."""
+
 ROUNDS = 8
 """Effects that are let loose, one after the other. More take longer where cameras all err."""
 
@@ -116,8 +119,13 @@ def infer(
     given, state = state, _searched(state, scores, adaptation)
     if state is not given:
         state = adaptation.pruned(state, kept)
+    doubted = _doubted(state, given)
     if state is not given and not predict_left_out(given.fits, state.fits).is_clearly_better:
         state = given
+    for view in doubted[: views - FEWEST_VIEWS]:
+        less = adaptation.without_view(state, view)
+        if predict_left_out(state.fits, less.fits).is_worth(1 / views):
+            state = less
     return Inference(tuple(effects), state, scores, refined, left_out)
 
 
@@ -129,6 +137,16 @@ def _searched(given: State, scores: Scores, adaptation: Adaptation) -> State:
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
         state = adaptation.adapted(state, ratio)
-        if not found and predict_left_out(state.fits, given.fits).is_clearly_better:
+        if not found and predict_left_out(given.fits, state.fits).misleads:
             return given  # seven more would be dropped with it
     return state
+
+
+def _doubted(state: State, given: State) -> list[int]:
+    """Return the views of which something was found that most do not have, the worst first."""
+    found = state.hidden.astype(int)
+    for name, free in state.free.items():
+        own = (free & ~given.free[name]).any(axis=1)
+        if own.mean() <= 0.5:
+            found += own
+    return [int(view) for view in np.argsort(-found, kind="stable") if found[view]]

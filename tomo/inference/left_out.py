@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from tomo.inference.fit import Fit
 from tomo.inference.solve import next_fit
+from tomo.measurement.pixel_blocks import SIDE
 from tomo.selection.folds import blocks_to_leave_out
 
 BETTER = 0.5
 """Standard errors of the squares' differences by which a correction predicts better. Less, poses
 that voxels made of turbulence are kept; more, real ones of cameras that all err are lost."""
 
-SIDE = 4
-"""Pixels along each side of the squares that are left out together: neighbours predict smaller
-ones."""
+WORSE = 2.0
+"""The same, by which the effect that explains most predicts worse: no other is looked for then.
+Less, hidden pixels are not found, which gains make good; more takes long for nothing."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,10 +50,28 @@ class LeftOut:
         return bool(self.after.sum() < self.before.sum())
 
     @property
-    def is_clearly_better(self) -> bool:
-        """Whether it does by more than `BETTER`: what was not asked for has to."""
+    def score(self) -> float:
+        """By how many standard errors of the squares' differences the correction is better."""
         less = self.before - self.after
-        return bool(len(less) and less.sum() > BETTER * math.sqrt(len(less)) * less.std())
+        spread = math.sqrt(len(less)) * less.std() if len(less) else 0.0
+        return float(less.sum() / spread) if spread > 0 else 0.0
+
+    @property
+    def is_clearly_better(self) -> bool:
+        """Whether it predicts better by more than `BETTER`: what was not asked for has to."""
+        return self.score > BETTER
+
+    @property
+    def misleads(self) -> bool:
+        """Whether it predicts worse by more than `WORSE`."""
+        return self.score < -WORSE
+
+    def is_worth(self, data: float) -> bool:
+        """Return whether it does that without a fraction of the data, by more than that fraction.
+
+        Fewer data are easier to reproduce, and tell less of the volume.
+        """
+        return self.is_clearly_better and self.after.sum() < (1 - data) * self.before.sum()
 
 
 def predict_left_out(given: Sequence[Fit], corrected: Sequence[Fit]) -> LeftOut:
@@ -76,13 +95,18 @@ def without_left_out(fits: Sequence[Fit]) -> tuple[Fit, ...]:
 
 
 def _squares(fits: Sequence[Fit]) -> NDArray[np.intp]:
+    """Return the square of each pixel: of single ones, neighbours would predict the most."""
     return fits[0].system.squares([SIDE] * len(fits[0].observation.rig))
 
 
 def _errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
-    """Return the squared errors of fits without left-out pixels, over the images' mean square."""
+    """Return the squared errors of fits without left-out pixels, over the images' mean square.
+
+    Usable pixels count alike, as in the solve that the effects are found for.
+    """
     errors, energy = np.zeros(len(fits[0].measured)), 0.0
-    for fit in without_left_out(fits):
+    solved = [replace(fit, trust=fit.usable.astype(np.float64)) for fit in fits]
+    for fit in without_left_out(solved):
         errors += np.square(next_fit(fit).residual)
         energy += float(np.mean(np.square(fit.measured)))
     return errors / (energy or 1.0)

@@ -43,6 +43,11 @@ class State:
         """Whether voxels around the grid were let loose."""
         return self.fits[0].around is not None
 
+    def takes_part(self, view: int) -> bool:
+        """Return whether any pixel of a view is used."""
+        own = slice(*self.fits[0].system.projector.view_ptr[view : view + 2])
+        return bool(self.fits[0].usable[own].any())
+
     @property
     def scales(self) -> tuple[float, ...]:
         """The scale of every frame's smoothed residuals."""

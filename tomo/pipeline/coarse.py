@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
+from tomo.inference.infer import FEWEST_VIEWS
 from tomo.model import Background, Observation
 from tomo.scan.downsample import coarsening
 
@@ -25,9 +26,6 @@ little: of one ray each, pixels sample thin flames unevenly, which looks like ga
 
 COARSEST = 16
 """Voxels along the grid's longest edge, and pixels along an image's shortest, of that copy."""
-
-FEWEST_VIEWS = 3
-"""Views that effects need at least: whatever is wrong, some volume reproduces two."""
 
 QUARTER = 4
 """One in so many views may be dark where there is light, behind a frame: more must find a voxel

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding, together
-from tomo.inference.infer import Inference, infer
+from tomo.inference.infer import FEWEST_VIEWS, Inference, infer
 from tomo.inference.light_error import light_error
 from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
@@ -31,7 +31,7 @@ from tomo.model import (
 from tomo.model.effect import Effect
 from tomo.operators import Absorption, extinction_of
 from tomo.operators.view_gains import Gains
-from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy, factor_of
+from tomo.pipeline.coarse import CoarseCopy, factor_of
 from tomo.pipeline.findings import findings_of, findings_of_pixels
 from tomo.pipeline.frames import images_of, noise_of_frames
 from tomo.pipeline.limits import Limits

@@ -12,13 +12,13 @@ import numpy as np
 import phantoms
 from rigs import Rig
 from tomo.grid import VoxelGrid
-from tomo.inference.infer import infer
+from tomo.inference.infer import FEWEST_VIEWS, infer
 from tomo.inference.limits import DetectionLimits, detection_limits
 from tomo.inference.null import FINER
 from tomo.measurement import NoiseModel
 from tomo.model import Observation
 from tomo.model.effect import Effect
-from tomo.pipeline.coarse import FEWEST_VIEWS, RAYS, factor_of
+from tomo.pipeline.coarse import RAYS, factor_of
 from tomo.scan.downsample import coarser_grid
 from tomo.simulation import simulate_images
 

@@ -176,3 +176,19 @@ def test_what_hides_the_flame_in_most_frames_is_left_out(film):
         kept = fit.system.images(fit.usable.astype(np.float32))[WRONG] > 0
         assert kept[bright & behind].mean() < 0.3
         assert kept[~behind].mean() > 0.9
+
+
+def test_the_image_of_another_moment_is_left_out(film):
+    """No effect mends it; with it goes nothing that the other five say."""
+    images = list(film[0].images)
+    images[WRONG] = film[2].images[WRONG]
+    found = infer([replace(film[0], images=tuple(images))], OWN)
+    assert [found.state.takes_part(view) for view in range(6)] == [v != WRONG for v in range(6)]
+    assert named(found) == {}
+    (fit,) = found.state.fits
+    right = next_fit(first_fit(film[0])).means
+    assert np.linalg.norm(fit.means - right) < 0.25 * np.linalg.norm(right)
+
+
+def test_a_camera_that_is_corrected_takes_part(found):
+    assert all(found.state.takes_part(view) for view in range(6))

@@ -243,7 +243,7 @@ def out_of_step(exposures: Exposures, setting: Setting) -> Exposures:
 
 
 POSE, LENS, GAS = ("pose",), ("magnification", "pose"), ("absorption",)
-BACKGROUND, ORDER = ("background",), ("order",)
+BACKGROUND, ORDER, APART = ("background",), ("order",), ("disagreement",)
 
 FAULTS: Mapping[str, Fault] = {
     "gain": Fault((("gain",),), _set("gain"), (1.06, 0.85, 0.6), (0.93, 1.12, 0.65)),
@@ -276,7 +276,7 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "blur": Fault((("blur",),), _set("blur"), (0.8, 1.6, 3.2), (0.9, 1.8, 3.0)),
     "out of step": Fault(
-        (("out of step",),), out_of_step, (0.5, 1.2, 3.0), (0.6, 1.5, 2.5), mendable=0
+        (("out of step", *APART),), out_of_step, (0.5, 1.2, 3.0), (0.6, 1.5, 2.5), mendable=0
     ),
     "magnified": Fault((LENS,), _moved(magnified), (0.01, 0.05, 0.12), (-0.01, 0.05, -0.12)),
     "all magnified": Fault(
@@ -284,9 +284,11 @@ FAULTS: Mapping[str, Fault] = {
     ),
     "frame before two": Fault((("hidden",),), framed, (0.1, 0.25, 0.5), (0.12, 0.3, 0.45)),
     "ghost": Fault(
-        (("scatter",),), _set("ghost"), (0.03, 0.06, 0.12), (0.025, 0.05, 0.1), mendable=0
+        (("scatter", *APART),), _set("ghost"), (0.03, 0.06, 0.12), (0.025, 0.05, 0.1), mendable=0
     ),
-    "veil": Fault((("scatter", "background"),), _set("veil"), (0.1, 0.25, 0.6), (0.08, 0.3, 0.5)),
+    "veil": Fault(
+        (("scatter", "background", *APART),), _set("veil"), (0.1, 0.25, 0.6), (0.08, 0.3, 0.5)
+    ),
     "dark gradient": Fault(
         (BACKGROUND,), _set("gradient"), (0.02, 0.05, 0.12), (0.015, 0.06, 0.1)
     ),

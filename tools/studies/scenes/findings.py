@@ -25,6 +25,7 @@ EFFECTS: Mapping[str, str] = {
     "fall-off": r"vignett|fall-?off",
     "blur": r"blur|focus|\bmotion",
     "out of step": r"out of step|another moment",
+    "disagreement": r"no correction makes",
     "gamma": r"gamma|non-?linear|not linear|\bresponse",
     "scatter": r"scatter|\bveil|ghost|\breflection|stray",
     "bad pixels": r"outlier|bad pixel|\bhot\b|\bdead\b|column",
