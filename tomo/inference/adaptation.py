@@ -125,7 +125,7 @@ class Adaptation:
 
         Those stay that were ``asked`` for, by name and view.
         """
-        free, values, scores = {}, {}, self.scores
+        free, scores = {}, self.scores
         for effect in self.effects:
             name, value = effect.name, state.values[effect.name]
             limit = scores.shared_limit if effect.shared else scores.own_limit
@@ -134,21 +134,27 @@ class Adaptation:
             far = np.abs(size) > RIVAL * limit * spread
             most = state.free[name].any(axis=1).mean() > 0.5  # found from all of them together
             kept = asked[name] | (most and not effect.shared)
-            real = far.any(axis=1, keepdims=True) | kept[:, None]
-            free[name], values[name] = state.free[name] & real, np.where(real, value, 0.0)
+            free[name] = state.free[name] & (far.any(axis=1) | kept)[:, None]
         if all(np.array_equal(free[n], state.free[n]) for n in free):
             return state
-        fits = self._seen_again(state.fits, values)
-        return self.relaxed(replace(state, fits=fits, values=values, free=free))
+        return self._only(free, state)
+
+    def without_effect(self, state: State, name: str) -> State:
+        """Return the state without an effect."""
+        return self._only({**state.free, name: np.zeros_like(state.free[name])}, state)
 
     def without_view(self, state: State, view: int) -> State:
         """Return the state without the image of a view, and without what was found of it."""
         others = np.arange(len(state.hidden)) != view
-        free = {name: one & others[:, None] for name, one in state.free.items()}
+        fits = tuple(fit.of_views(others) for fit in state.fits)
+        less = replace(state, fits=fits, hidden=state.hidden | ~others)
+        return self._only({n: f & others[:, None] for n, f in state.free.items()}, less)
+
+    def _only(self, free: Mapping[str, NDArray[np.bool_]], state: State) -> State:
+        """Return the state with only these effects loose, found anew."""
         values = {name: np.where(free[name], one, 0.0) for name, one in state.values.items()}
-        fits = self._seen_again([fit.of_views(others) for fit in state.fits], values)
-        less = replace(state, fits=fits, values=values, free=free, hidden=state.hidden | ~others)
-        return self.relaxed(less)
+        fits = self._seen_again(state.fits, values)
+        return self.relaxed(replace(state, fits=fits, values=values, free=free))
 
     def relaxed(self, state: State, steps: int = STEPS) -> State:
         """Return the state after Gauss-Newton steps of all that is loose, while they help."""

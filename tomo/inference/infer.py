@@ -124,8 +124,14 @@ def infer(
         state = given
     for view in doubted[: views - FEWEST_VIEWS]:
         less = adaptation.without_view(state, view)
-        if predict_left_out(state.fits, less.fits).is_worth(1 / views):
-            state = less
+        if not predict_left_out(state.fits, less.fits).is_worth(1 / views):
+            break
+        state = less
+    for effect in effects:
+        if effect.shared and (state.free[effect.name] & ~given.free[effect.name]).any():
+            less = adaptation.without_effect(state, effect.name)
+            if not predict_left_out(less.fits, state.fits).is_clearly_better:
+                state = less
     return Inference(tuple(effects), state, scores, refined, left_out)
 
 
