@@ -15,6 +15,8 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
+from rigs.files.flush import flush, flush_whole
+
 _moving = threading.Lock()
 """Held by a thread that moves files which belong together, never by the main thread."""
 
@@ -25,7 +27,7 @@ _PARTIAL = re.compile(r"\..*\.partial-([0-9a-f]{8})-(\d+)-[0-9a-f]{8}(\.[^.]*)?"
 
 
 @contextmanager
-def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
+def atomic_path(path: str | os.PathLike, *, durable: bool = False) -> Iterator[Path]:
     """Yield a temporary name next to ``path``; rename it to ``path`` when the block succeeds.
 
     The temporary name has the suffix of ``path``, because many writers choose the format by it,
@@ -37,7 +39,10 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     Parameters
     ----------
     path : path-like
-        The file to write.
+        The file or folder to write.
+    durable : bool
+        Whether it is on the disk when the block ends: a later run goes on from it, and after a
+        loss of power finds it whole or finds what was there before.
 
     Raises
     ------
@@ -55,7 +60,11 @@ def atomic_path(path: str | os.PathLike) -> Iterator[Path]:
     try:
         with _registered(temporary):
             yield temporary
+            if durable:
+                flush_whole(temporary)
             os.replace(temporary, path)
+            if durable:
+                flush([path.parent])
     except OSError as error:
         if error.filename not in (None, str(temporary), temporary):
             raise

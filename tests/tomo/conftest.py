@@ -18,8 +18,8 @@ from tomo.model import Observation
 from tomo.operators import Projector
 from tomo.rays import Rays
 from tomo.series import SeriesStore
+from tomo.series.layout import CAMERA_FIGURES
 from tomo.series.solving import SKIPPED, FrameResult
-from tomo.series.store import CAMERA_FIGURES
 from tomo.simulation import simulate_images
 from tomo.trace import Segments, trace
 

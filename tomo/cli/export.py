@@ -53,8 +53,8 @@ def export(
         places = slices_of(frames, opened.n_frames)
         check_output_folder(out.parent)
         written = export_series(opened, out, to, places, progress=True)
-    numbers = opened.values("frame")
-    left_out = [int(numbers[place]) for place in places if opened.skipped[place]]
+        numbers, skipped = opened.values("frame"), opened.skipped
+    left_out = [int(numbers[place]) for place in places if skipped[place]]
     count = len(places) - len(left_out)
     say(f"{written}: {count} frames of {store}")
     if left_out:

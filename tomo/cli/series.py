@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tomo.cli.outputs import check_output_folder
-from tomo.series.store import SUFFIX
+from tomo.series.layout import SUFFIX
 
 if TYPE_CHECKING:
     from rigs import Rig

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from rigs.progress import Progress, progress_of
 from tomo.export.frames import Frames
-from tomo.series.store import SeriesStore
+from tomo.series.store import COMPLETE, SeriesStore
 
 
 class Format(NamedTuple):
@@ -88,14 +88,15 @@ def export_series(
                 "pip install 'flametomo[export]'"
             )
     places = range(store.n_frames) if places is None else places
-    complete, left_out = store.complete, store.skipped
-    missing = [place for place in places if not (complete[place] or left_out[place])]
+    store.check_present(places)
+    states = store.states
+    missing = [place for place in places if not states[place]]
     if missing:
         raise ValueError(
             f"{store.path}: frames: found {len(missing)} that are not complete, the first is "
             f"{missing[0]}: finish them by the command that began the store, or name others"
         )
-    chosen_places = tuple(place for place in places if complete[place])
+    chosen_places = tuple(place for place in places if states[place] == COMPLETE)
     if not chosen_places:
         raise ValueError(f"{store.path}: frames: found none that could be read, expected one")
     module, name = chosen.writer.split(":")

@@ -70,8 +70,8 @@ class Frames:
 
     def axis(self, name: str) -> tuple[NDArray[np.float64], str]:
         """Return the centres of voxels along ``x``, ``y`` or ``z``, and their unit."""
-        array = self.store.array(name)
-        return np.asarray(array[:]), str(array.attrs["units"])
+        centres = dict(zip("xyz", self.store.grid.axes(), strict=True))
+        return centres[name], self.store.attributes["length_unit"]
 
     def about(self) -> dict[str, str]:
         """Return attributes that say where a file comes from."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from rigs.files import atomic_path
 from tomo.export.frames import Frames
-from tomo.series.store import CAMERA_FIGURES, FIGURES
+from tomo.series.layout import CAMERA_FIGURES, FIGURES
 
 
 def write_netcdf(frames: Frames, target: Path) -> None:
@@ -35,7 +35,7 @@ def write_netcdf(frames: Frames, target: Path) -> None:
         variable("camera", ("camera",), np.array([name.encode() for name in cameras], f"S{width}"))
         for names, dims in ((FIGURES, ("time",)), (CAMERA_FIGURES, ("time", "camera"))):
             for name in names:
-                variable(name, dims, frames.of(name), units=store.group[name].attrs["units"])
+                variable(name, dims, frames.of(name), units=store.unit(name))
         data = file.create_variable(
             "emission",
             tuple(sizes),

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from tomo.export.frames import Frames
 from tomo.export.statistics import result_store
+from tomo.io.checked_arrays import create_array
 
 SEGMENT = 256
 """Frames of a segment, at the most: scipy's own. More resolve frequencies better and scatter
@@ -49,21 +50,19 @@ def write_spectrum(frames: Frames, target: Path) -> None:
     frequencies = np.fft.rfftfreq(length, 1 / rate)
     settings = {"segment_frames": length, "overlap_frames": length // 2, "window": "hann"}
     with result_store(frames, target, **settings) as group:
-        group.create_array(
-            "frequency", data=frequencies, dimension_names=("frequency",),
-            attributes={"units": hertz},
-        )  # fmt: skip
+        shape = frequencies.shape
+        axis = create_array(group, "frequency", shape, shape, "f8", ("frequency",), units=hertz)
+        axis[:] = frequencies
         slab = _slab(grid.shape, length)
-        power = group.create_array(
+        power = create_array(
+            group,
             "power",
-            shape=(len(frequencies), *grid.shape),
-            chunks=(len(frequencies), slab, *grid.shape[1:]),
-            dtype="f4",
-            dimension_names=("frequency", "x", "y", "z"),
-            attributes={
-                "units": f"({unit})^2 / {hertz}" if hertz == "Hz" else f"({unit})^2 frame",
-                "long_name": "one-sided power spectral density of a voxel's emission",
-            },
+            (len(frequencies), *grid.shape),
+            (len(frequencies), slab, *grid.shape[1:]),
+            "f4",
+            ("frequency", "x", "y", "z"),
+            units=f"({unit})^2 / {hertz}" if hertz == "Hz" else f"({unit})^2 frame",
+            long_name="one-sided power spectral density of a voxel's emission",
         )
         for start in range(0, grid.shape[0], slab):
             part = slice(start, min(start + slab, grid.shape[0]))

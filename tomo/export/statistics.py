@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.export.frames import Frames
+from tomo.io.checked_arrays import create_array
 
 
 def write_statistics(frames: Frames, target: Path) -> None:
@@ -36,13 +37,10 @@ def write_statistics(frames: Frames, target: Path) -> None:
             ("mean", mean, "mean over time"),
             ("rms", rms, "root mean square of the fluctuation about the mean"),
         ):
-            group.create_array(
-                name,
-                data=values.astype(np.float32),
-                chunks=frames.chunk(),
-                dimension_names=("x", "y", "z"),
-                attributes={"units": unit, "long_name": f"{words} of a voxel's emission"},
-            )
+            create_array(
+                group, name, values.shape, frames.chunk(), "f4", ("x", "y", "z"),
+                units=unit, long_name=f"{words} of a voxel's emission",
+            )[:] = values.astype(np.float32)  # fmt: skip
 
 
 def mean_and_rms(frames: Frames) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -86,7 +84,6 @@ def result_store(frames: Frames, target: Path, **attributes: Any) -> Iterator[za
         )
         for name in "xyz":
             centres, unit = frames.axis(name)
-            group.create_array(
-                name, data=centres, dimension_names=(name,), attributes={"units": unit}
-            )
+            shape = centres.shape
+            create_array(group, name, shape, shape, "f8", (name,), units=unit)[:] = centres
         yield group

@@ -13,6 +13,13 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
 from tomo.grid import VoxelGrid
+from tomo.io.checked_arrays import (
+    chunk_file,
+    create_array,
+    has_checksums,
+    note_without_checksums,
+    reading_chunk,
+)
 
 if TYPE_CHECKING:
     import zarr
@@ -57,6 +64,8 @@ class VolumeFilm:
                 )
             if self._values.chunks != (1, *self.grid.shape):
                 raise ValueError(f"emission: found chunks {self._values.chunks}, expected a frame")
+        if not has_checksums(self._values):
+            note_without_checksums(self.path)
 
     def __repr__(self) -> str:
         return f"VolumeFilm({str(self.path)!r})"
@@ -76,15 +85,10 @@ class VolumeFilm:
         group = zarr.create_group(
             Path(path), zarr_format=3, attributes=about | {"length_unit": length_unit}
         )
-        group.create_array(
-            "emission",
-            shape=(len(times), *grid.shape),
-            chunks=(1, *grid.shape),
-            dtype="f4",
-            fill_value=math.nan,
-            dimension_names=("time", "x", "y", "z"),
-            attributes={"long_name": "mean emission of a voxel"},
-        )
+        create_array(
+            group, "emission", (len(times), *grid.shape), (1, *grid.shape), "f4",
+            ("time", "x", "y", "z"), math.nan, long_name="mean emission of a voxel",
+        )  # fmt: skip
         write_coordinates(group, grid, times, length_unit)
         return cls(path)
 
@@ -105,9 +109,9 @@ class VolumeFilm:
             raise ValueError(
                 f"{self.path}: frame {number}: found {self.n_frames} frames, expected more"
             )
-        with errors_of_libraries(f"{self.path}: frame {number}: not readable"):
-            stored = (self.path / "emission" / "c" / f"{number}/0/0/0").stat().st_size
-            check_claim(4 * self.grid.size, stored)
+        file = chunk_file(self.path, self._values, number)
+        with reading_chunk(file, f"frame {number}"):
+            check_claim(4 * self.grid.size, file.stat().st_size)
             volume = np.asarray(self._values[number])
         if not np.isfinite(volume).all():
             raise ValueError(f"{self.path}: frame {number}: found NaN or infinity, expected none")
@@ -129,11 +133,5 @@ def write_coordinates(
     coordinates = {"time": (np.asarray(times, np.float64), time_unit)}
     coordinates |= {name: (one, length_unit) for name, one in zip("xyz", grid.axes(), strict=True)}
     for name, (values, unit) in coordinates.items():
-        group.create_array(
-            name,
-            shape=values.shape,
-            chunks=values.shape,
-            dtype="f8",
-            dimension_names=(name,),
-            attributes={"units": unit},
-        )[:] = values
+        array = create_array(group, name, values.shape, values.shape, "f8", (name,), units=unit)
+        array[:] = values

@@ -15,7 +15,8 @@ from tomo.scan import Scan
 from tomo.series import SeriesStore
 from tomo.series.answer import answer_of_series
 from tomo.series.images import UnreadableError, read_frame
-from tomo.series.store import CAMERA_FIGURES, COMPLETE, LEFT_OUT
+from tomo.series.layout import CAMERA_FIGURES
+from tomo.series.store import COMPLETE, LEFT_OUT
 from tomo.series.table import SeriesTable
 from tomo.series.verdict import verdict_of_series
 from tomo.series.watching import in_words, watch_table

@@ -94,7 +94,7 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
         for camera, values in table.each_camera(name).items():
             value = f"{np.nanmean(values):.{digits}g}{unit}"
             rows.append((value, f"{camera} held out: {title}", words))
-    unit = short_unit(str(table.store.group["total_emission"].attrs["units"]))
+    unit = short_unit(table.store.unit("total_emission"))
     for name, title, words, form in (
         ("relative_residual", "relative residual", "Of the images, not reproduced, noise "
          "included; mean of all frames. Good: near the images' noise.", "{:.2%}"),
@@ -117,7 +117,7 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
     def alone(name: str, title: str) -> dict[str, NDArray]:
         return {title: table.columns[name]}
 
-    emission = short_unit(str(table.store.group["total_emission"].attrs["units"]))
+    emission = short_unit(table.store.unit("total_emission"))
     found = [
         chart(
             "PSNR of the held-out camera, more is better",

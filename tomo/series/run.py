@@ -24,6 +24,7 @@ from tomo.scan import Scan
 from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
 from tomo.series.images import reader_of
+from tomo.series.mend import mend
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
 from tomo.series.same_run import attributes_of_plan, attributes_of_run, check_same_run
@@ -65,7 +66,7 @@ def reconstruct_series(
     scan : Scan
     path : path-like
         The store. One that the same scan, options and version began is finished, to the same
-        bits; several runs may work on one at once.
+        bits; what is damaged in it is done again. Several runs may work on one at once.
     grid : VoxelGrid, optional
         The scan's own when None.
     options : Options
@@ -90,9 +91,13 @@ def reconstruct_series(
     places = choose_frames(scan, options.frames or ":")
     _check_images(scan, places)
     attributes = attributes_of_run(scan, grid, options, places)
+    rate = scan.frame_rate or 1.0
+    times = [place / rate for place in places]
     known = SeriesStore(path) if Path(path).exists() else None
     if known is not None:
         check_same_run(known, attributes)
+        with progress_of(progress, "check") as tell:
+            mend(known, times, places, tell)
         if known.finished:
             return known
     with (
@@ -103,8 +108,6 @@ def reconstruct_series(
         attributes |= attributes_of_plan(plan)
         if known is None:
             _check_room(Path(path), plan)
-            rate = scan.frame_rate or 1.0
-            times = [place / rate for place in places]
             known = SeriesStore.create(path, grid, times, places, attributes)
         check_same_run(known, attributes)
         with _no_room_in_one_line(known):

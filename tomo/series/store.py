@@ -1,61 +1,37 @@
 """The store of a series: a Zarr v3 group that xarray reads, a chunk a frame, a record a block.
 
 Arrays of a block are written first, its chunk of ``complete`` last: a frame counts where that is
-1. Each file is renamed into place, so that a process that is killed leaves no half-written one.
+1. Each file is renamed into place: a process that is killed leaves no half-written one. All are on
+the disk before the record is written: a loss of power leaves no record of what is lost. Each chunk
+carries a checksum, by which other damage is noticed.
 """
 
 from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import zarr
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
 from tomo.grid import VoxelGrid
-from tomo.io.volume_film import write_coordinates
+from tomo.io.checked_arrays import note_without_checksums
 from tomo.io.xarray_volumes import xarray_or_pip_line
-from tomo.radiometry.units import unit_of_total
-from tomo.series.frames import BLOCK
+from tomo.series.chunks import Chunks
+from tomo.series.layout import CAMERA_FIGURES, FIGURES, open_arrays, write_empty
 from tomo.series.solving import FrameResult
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-FORMAT = "emission-series"
-VERSION = 1
-SUFFIX = ".zarr"
-
-FIGURES = (
-    "relative_residual",
-    "total_emission",
-    "nrmse",
-    "cosine_distance",
-    "seconds",
-    "warnings",
-)
-"""Figures of a frame, each an array over time; NaN where there is none."""
-
-CAMERA_FIGURES = (
-    "view_residual",
-    "view_beyond_noise",
-    "view_gain",
-    "view_light",
-    "psnr",
-    "ssim",
-)
-"""Figures of a frame and a camera, each an array over time and camera; NaN where there is none."""
-
 COMPLETE, LEFT_OUT = 1, 2
 """States of a frame in ``complete``; 0 where it is still to be done."""
-
-WALL_TIME = ("seconds",)
-"""Arrays that differ from run to run."""
 
 
 class SeriesStore:
@@ -77,19 +53,10 @@ class SeriesStore:
         self.path = Path(path)
         if not self.path.is_dir():
             raise FileNotFoundError(f"{self.path}: no such store")
-        try:
-            self.group = zarr.open_group(self.path, mode="r+", zarr_format=3)
-        except (FileNotFoundError, ValueError, KeyError, TypeError):
-            raise ValueError(f"{self.path}: not a Zarr v3 group, expected a store") from None
-        self.attributes: dict[str, Any] = dict(self.group.attrs)
-        if self.attributes.get("format") != FORMAT:
-            found = self.attributes.get("format")
-            raise ValueError(f"{self.path}: format: found {found!r}, expected {FORMAT!r}")
-        if self.attributes.get("version") != VERSION:
-            found = self.attributes.get("version")
-            raise ValueError(f"{self.path}: version: found {found!r}, expected {VERSION}")
-        for name in _NAMES:
-            self.array(name)
+        self.group, self.attributes, arrays = open_arrays(self.path)
+        self._chunks = Chunks(self.path, arrays)
+        if not self._chunks.have_checksums:
+            note_without_checksums(self.path)
 
     def __repr__(self) -> str:
         return f"SeriesStore({str(self.path)!r})"
@@ -120,8 +87,8 @@ class SeriesStore:
         path = Path(path)
         if not path.exists():
             try:
-                with atomic_path(path) as staging:
-                    _write_empty(staging, grid, times, frames, attributes)
+                with atomic_path(path, durable=True) as staging:
+                    write_empty(staging, grid, times, frames, attributes)
             except OSError:  # another run was faster
                 if not path.is_dir():
                     raise
@@ -135,19 +102,42 @@ class SeriesStore:
         ValueError
             If there is none of that name.
         """
-        found = self.group.get(name)
-        if not isinstance(found, zarr.Array):
+        if name not in self._chunks.arrays:
             raise ValueError(f"{self.path}: {name}: found no such array, expected one")
-        return found
+        return self._chunks.arrays[name]
+
+    def unit(self, name: str) -> str:
+        """Return the unit of an array's numbers; "1" where it has none."""
+        return str(self.array(name).attrs.get("units", "1"))
 
     def values(self, name: str) -> NDArray:
-        """Return the numbers of an array of that name, such as ``frame`` or a figure."""
-        return np.asarray(self.array(name)[:])
+        """Return the numbers of an array of that name, such as ``frame`` or a figure.
 
-    @property
+        Raises
+        ------
+        ValueError
+            One line that names the file and the frames, if a chunk is damaged.
+        """
+        self.array(name)  # or it is refused
+        return self._chunks.values(name, self._recorded() > 0 if name in _OF_FRAMES else None)
+
+    @cached_property
     def grid(self) -> VoxelGrid:
-        """The grid of the volumes."""
-        return VoxelGrid(**self.attributes["grid"])
+        """The grid of the volumes.
+
+        Raises
+        ------
+        ValueError
+            If the coordinates are not those of the attributes.
+        """
+        grid = VoxelGrid(**self.attributes["grid"])
+        for name, centres in zip("xyz", grid.axes(), strict=True):
+            if not np.array_equal(found := self.values(name), centres):
+                raise ValueError(
+                    f"{self.path}: {name}: found {found[0]:.9g} to {found[-1]:.9g}, expected "
+                    f"{centres[0]:.9g} to {centres[-1]:.9g} by the attribute grid: damaged"
+                )
+        return grid
 
     @property
     def n_frames(self) -> int:
@@ -155,19 +145,30 @@ class SeriesStore:
         return self.array("emission").shape[0]
 
     @property
+    def states(self) -> NDArray[np.uint8]:
+        """`COMPLETE`, `LEFT_OUT`, or 0 where a frame is still to be done, ``(frames,)``.
+
+        A frame whose volume is gone is to be done, whatever is recorded.
+        """
+        found = self._recorded()
+        for place in np.flatnonzero(found == COMPLETE).tolist():
+            found[place] *= self._chunks.file("emission", place).is_file()
+        return found
+
+    @property
     def complete(self) -> NDArray[np.bool_]:
         """Which frames have a volume, ``(frames,)``."""
-        return self.values("complete") == COMPLETE
+        return self.states == COMPLETE
 
     @property
     def skipped(self) -> NDArray[np.bool_]:
         """Which frames could not be read and were left out, ``(frames,)``."""
-        return self.values("complete") == LEFT_OUT
+        return self.states == LEFT_OUT
 
     @property
     def finished(self) -> bool:
         """Whether nothing is left to do: every frame is complete or was left out."""
-        return bool(self.values("complete").all())
+        return bool(self.states.all())
 
     def done(self) -> str:
         """Return in words how many frames are complete, for messages of a run that ends early."""
@@ -175,7 +176,7 @@ class SeriesStore:
 
     def is_complete(self, block: range) -> bool:
         """Return whether nothing is left to do of a block."""
-        return bool(np.all(self.array("complete")[block.start : block.stop]))
+        return bool(self._recorded(block).all())
 
     def volume(self, place: int) -> NDArray[np.float32]:
         """Return the volume of a frame by its place in the store, ``(nx, ny, nz)``.
@@ -183,12 +184,26 @@ class SeriesStore:
         Raises
         ------
         ValueError
-            If the frame is not complete.
+            If the frame is not complete, or its file is damaged.
         """
-        if (state := self.array("complete")[place]) != COMPLETE:
+        (state,) = self._recorded(range(place, place + 1))
+        if state != COMPLETE:
             found = "left out, as it could not be read" if state == LEFT_OUT else "missing"
             raise ValueError(f"{self.path}: frame {place}: found it {found}, expected a volume")
-        return np.asarray(self.array("emission")[place])
+        return self._chunks.read("emission", range(place, place + 1))[0]
+
+    def check_present(self, places: Iterable[int]) -> None:
+        """Raise where the volume of a frame that is recorded as complete is gone.
+
+        Raises
+        ------
+        ValueError
+            One line that names the file and the frame.
+        """
+        gone = (self._recorded() == COMPLETE) & ~self.complete
+        for place in places:
+            if gone[place]:
+                self.volume(place)
 
     def to_xarray(self) -> Dataset:
         """Return the store as an `xarray.Dataset` that reads when asked; NaN where nothing is yet.
@@ -202,92 +217,88 @@ class SeriesStore:
 
     def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:
         """Write the volume of a frame; it counts once its block is finished."""
-        self.array("emission")[place] = volume
+        self._chunks.write("emission", range(place, place + 1), volume[None])
+
+    def write_coordinates(self, name: str, values: ArrayLike) -> None:
+        """Write one of the arrays `COORDINATES` again."""
+        whole = range(self.array(name).shape[0])
+        self._chunks.write(name, whole, values)
+        self._chunks.flush(self._chunks.files(name, whole))
 
     def finish(self, block: range, results: Sequence[FrameResult]) -> None:
-        """Write the figures of a block whose volumes are written, and then its record."""
-        at = slice(block.start, block.stop)
+        """Write the figures of a block whose volumes are written, and then its record.
+
+        Everything else of the block is on the disk before its record is written.
+        """
         for name in FIGURES:
-            values: Sequence[float]
+            of_frames = [one.figures.get(name, math.nan) for one in results]
             if name == "warnings":
-                values = [len(one.warnings) for one in results]
-            else:
-                values = [one.figures.get(name, math.nan) for one in results]
-            array = self.array(name)
-            array[at] = np.array(values, array.dtype)
+                of_frames = [len(one.warnings) for one in results]
+            self._chunks.write(name, block, of_frames)
         cameras = self.attributes["cameras"]
         for name in CAMERA_FIGURES:
-            self.array(name)[at] = np.array(
-                [
-                    [one.by_camera.get(name, {}).get(camera, math.nan) for camera in cameras]
-                    for one in results
-                ]
-            )
+            by_camera = [one.by_camera.get(name, {}) for one in results]
+            rows = [[one.get(camera, math.nan) for camera in cameras] for one in by_camera]
+            self._chunks.write(name, block, rows)
         states = [LEFT_OUT if one.skipped else COMPLETE for one in results]
-        self.array("complete")[at] = np.array(states, np.uint8)
+        read = [place for place, state in zip(block, states, strict=True) if state == COMPLETE]
+        volumes = [self._chunks.file("emission", place) for place in read]
+        self._chunks.flush(volumes + [f for n in _OF_FRAMES for f in self._chunks.files(n, block)])
+        self._record(block, states)
+
+    def forget(self, block: range, places: Collection[int]) -> None:
+        """Record frames of a block as to be done again; the others stay as they are."""
+        states = np.zeros(len(block), np.uint8)
+        if len(places) < len(block):  # else the record itself may be damaged
+            states[:] = self._recorded(block)
+            states[[place - block.start for place in places]] = 0
+        self._record(block, states)
+
+    def damage(self, block: range) -> dict[int, str]:
+        """Return the frames of a block that are recorded as done, but not readable, each with why.
+
+        All volumes and figures of the block are read.
+        """
+        try:
+            record = self._recorded(block)
+            for name in _OF_FRAMES if record.any() else ():
+                self._chunks.read(name, block)
+        except ValueError as error:
+            return dict.fromkeys(block, str(error))
+        found = {}
+        for place, state in zip(block, record, strict=True):
+            if state == COMPLETE:
+                try:
+                    self._chunks.read("emission", range(place, place + 1))
+                except ValueError as error:
+                    found[place] = str(error)
+        return found
 
     def remove_partial(self, block: range) -> None:
         """Remove what a killed process left half-written of a block that no other process has."""
-        for place in block:
-            folder = self.path / "emission" / "c" / str(place)
-            for left in folder.rglob("*.partial"):
-                left.unlink(missing_ok=True)
+        self._chunks.remove_partial(("emission", *_OF_FRAMES, "complete"), block)
+
+    def _recorded(self, places: range | None = None) -> NDArray[np.uint8]:
+        """Return what is recorded of frames, of all when None; 0 where nothing is.
+
+        Raises
+        ------
+        ValueError
+            One line that names the file and the frames, if the record is damaged.
+        """
+        if places is None:
+            found = self._chunks.values("complete", np.zeros(self.n_frames, bool))
+        else:
+            found = self._chunks.read("complete", places, needed=False)
+        if found.max(initial=0) > LEFT_OUT:
+            raise ValueError(f"{self.path}: complete: found {found.max()}, expected 0, 1 or 2")
+        return found
+
+    def _record(self, block: range, states: ArrayLike) -> None:
+        """Write the record of a block, on the disk when this returns."""
+        self._chunks.write("complete", block, states)
+        self._chunks.flush(self._chunks.files("complete", block))
 
 
-def _write_empty(
-    path: Path,
-    grid: VoxelGrid,
-    times: Sequence[float],
-    frames: Sequence[int],
-    attributes: Mapping[str, Any],
-) -> None:
-    """Write a store without frames."""
-    count, cameras = len(times), attributes["cameras"]
-    group = zarr.create_group(
-        path,
-        zarr_format=3,
-        attributes={
-            "format": FORMAT,
-            "version": VERSION,
-            "Conventions": "CF-1.11",
-            "grid": grid.to_mapping(),
-            **attributes,
-        },
-    )
-
-    def array(name, shape, chunks, dtype, dims, fill=None, **about):
-        return group.create_array(
-            name,
-            shape=shape,
-            chunks=chunks,
-            dtype=dtype,
-            fill_value=fill,
-            dimension_names=dims,
-            attributes=about,
-        )
-
-    unit, length = attributes["value_unit"], attributes["length_unit"]
-    array(
-        "emission", (count, *grid.shape), (1, *grid.shape), "f4", ("time", "x", "y", "z"),
-        math.nan, units=unit, long_name="mean emission of a voxel",
-    )  # fmt: skip
-    write_coordinates(group, grid, times, length, attributes["time_unit"])
-    array("frame", (count,), (count,), "i8", ("time",), long_name="number in the scan")[:] = frames
-    units = {"total_emission": unit_of_total(unit, length)[0], "seconds": "s", "psnr": "dB"}
-    for name in FIGURES:
-        dtype, fill = ("i4", 0) if name == "warnings" else ("f8", math.nan)
-        array(name, (count,), (BLOCK,), dtype, ("time",), fill, units=units.get(name, "1"))
-    peak = attributes["plan"].get("peak")
-    for name in CAMERA_FIGURES:
-        shape, chunks = (count, len(cameras)), (BLOCK, len(cameras))
-        about = {"peak": peak} if peak and name in ("psnr", "ssim") else {}
-        array(
-            name, shape, chunks, "f8", ("time", "camera"), math.nan, units=units.get(name, "1"),
-            cameras=list(cameras), **about,
-        )  # fmt: skip
-    words = "1 where the frame is complete, 2 where it could not be read and was left out; "
-    words += "written after everything else of its block"
-    array("complete", (count,), (BLOCK,), "u1", ("time",), 0, long_name=words)
-
-
-_NAMES = ("emission", "time", "x", "y", "z", "frame", *FIGURES, *CAMERA_FIGURES, "complete")
+_OF_FRAMES = (*FIGURES, *CAMERA_FIGURES)
+"""Arrays that are written with each block."""

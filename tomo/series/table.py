@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.series.store import CAMERA_FIGURES, FIGURES, SeriesStore
+from tomo.series.layout import CAMERA_FIGURES, FIGURES
+from tomo.series.store import SeriesStore
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,8 +34,8 @@ class SeriesTable:
     @classmethod
     def of(cls, store: SeriesStore) -> SeriesTable:
         """Read the figures of a store."""
-        names = (*FIGURES, *CAMERA_FIGURES, "complete")
-        columns = {name: store.values(name) for name in names}
+        columns = {name: store.values(name) for name in (*FIGURES, *CAMERA_FIGURES)}
+        columns["complete"] = store.states
         return cls(store, store.values("frame"), store.values("time"), columns)
 
     @property

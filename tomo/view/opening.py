@@ -18,7 +18,8 @@ from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan, load_scan
-from tomo.series.store import FORMAT, SeriesStore
+from tomo.series.layout import FORMAT
+from tomo.series.store import SeriesStore
 from tomo.series.table import SeriesTable
 from tomo.view.comparison import Model
 from tomo.view.content import Content
@@ -112,6 +113,7 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
         return _content_of_volume_film(path)
     store = SeriesStore(path)
     about = store.attributes
+    store.check_present(range(store.n_frames))
     places = np.flatnonzero(store.complete)
     if not len(places):
         raise ValueError(f"{path}: frames: found none that is complete, expected one")

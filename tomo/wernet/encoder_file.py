@@ -114,8 +114,9 @@ def load_tensors(path: Path, expected: str) -> dict[str, Any]:
             members = archive.infolist()
             check_claim(sum(one.file_size for one in members), path.stat().st_size)
             for member in members:
+                data = archive.read(member)  # raises at a wrong checksum, which torch ignores
                 if member.filename.endswith("data.pkl"):
-                    _check_names(archive.read(member))
+                    _check_names(data)
         content = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises half a dozen kinds for a file it cannot read
         raise ValueError(

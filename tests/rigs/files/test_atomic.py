@@ -38,6 +38,27 @@ def test_what_stood_there_stays_when_the_block_fails(tmp_path):
     assert list(tmp_path.iterdir()) == [target]
 
 
+def test_a_durable_file_or_folder_is_on_the_disk_before_it_has_its_name(tmp_path, monkeypatch):
+    done, replace = [], os.replace
+    monkeypatch.setattr(os, "fsync", lambda handle: done.append(os.fstat(handle).st_ino))
+    monkeypatch.setattr(os, "replace", lambda *paths: (done.append("named"), replace(*paths)))
+    with atomic_path(tmp_path / "state.pt", durable=True) as temporary:
+        temporary.write_text("half done")
+        file = temporary.stat().st_ino
+    assert done == [file, "named", tmp_path.stat().st_ino]
+    done.clear()
+    with atomic_path(tmp_path / "out.zarr", durable=True) as temporary:
+        (temporary / "time").mkdir(parents=True)
+        (temporary / "time" / "zarr.json").write_text("{}")
+        inside = [temporary / "time" / "zarr.json", temporary / "time", temporary]
+        expected = [one.stat().st_ino for one in inside]
+    assert done == [*expected, "named", tmp_path.stat().st_ino]
+    done.clear()
+    with atomic_path(tmp_path / "page.html") as temporary:
+        temporary.write_text("")
+    assert done == ["named"]
+
+
 def test_an_error_of_the_system_names_the_file_not_the_temporary_one(tmp_path):
     target = tmp_path / "volume.npz"
 

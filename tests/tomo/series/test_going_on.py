@@ -14,8 +14,8 @@ from tomo.series import SeriesStore, reconstruct_series
 from tomo.series import run as series_run
 from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of
+from tomo.series.layout import CAMERA_FIGURES, FIGURES
 from tomo.series.run import run_plan
-from tomo.series.store import CAMERA_FIGURES, FIGURES
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 

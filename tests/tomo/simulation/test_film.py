@@ -79,6 +79,19 @@ def test_a_shorter_film_replaces_a_longer_one(tmp_path):
         film.read(2)
 
 
+def test_a_flipped_bit_of_the_truth_is_one_line_that_names_file_and_frame(tmp_path):
+    scan = made(tmp_path, 2)
+    file = tmp_path / "truth.zarr" / "emission" / "c" / "1" / "0" / "0" / "0"
+    content = bytearray(file.read_bytes())
+    content[len(content) // 2] ^= 16
+    file.write_bytes(content)
+    assert scan.read_truth("0")
+    with pytest.raises(ValueError, match="damaged") as caught:
+        scan.read_truth("1")
+    assert str(caught.value).startswith(f"{file}: frame 1: ")
+    assert "\n" not in str(caught.value)
+
+
 def test_the_truth_is_read_by_xarray(tmp_path):
     xarray = pytest.importorskip("xarray")
     scan = made(tmp_path, 2)

@@ -56,6 +56,7 @@ def visualize_film(
     table = SeriesTable.of(store)
     wanted = np.zeros(store.n_frames, bool)
     wanted[list(slices_of(frames, store.n_frames))] = True
+    store.check_present(np.flatnonzero(wanted))
     wanted &= store.complete
     shown = shown_places(wanted)
     if not shown:

@@ -54,7 +54,7 @@ class Checkpoint:
     def save(self, state: Mapping[str, Any]) -> None:
         """Write a state; the file keeps the one before until this is complete."""
         content = {"format": FORMAT, "version": VERSION, "problem": self.problem, "state": state}
-        with atomic_path(self.path) as temporary:
+        with atomic_path(self.path, durable=True) as temporary:
             torch.save(content, temporary)
 
     def load(self) -> Mapping[str, Any] | None:

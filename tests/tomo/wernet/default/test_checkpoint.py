@@ -3,6 +3,7 @@
 import signal
 import subprocess
 import sys
+import zipfile
 from functools import lru_cache
 from pathlib import Path
 
@@ -215,6 +216,14 @@ def _truncated(path):
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
 
 
+def _flipped(path):
+    with zipfile.ZipFile(path) as archive:
+        numbers = archive.read(max(archive.infolist(), key=lambda one: one.file_size))
+    content = bytearray(path.read_bytes())
+    content[content.find(numbers) + len(numbers) // 2] ^= 16
+    path.write_bytes(content)
+
+
 def _empty(path):
     path.write_bytes(b"")
 
@@ -249,8 +258,8 @@ def _a_folder(path):
 @pytest.mark.parametrize(
     "damage",
     [
-        _truncated, _empty, _text, _an_encoder, _a_list, _an_older_version, _damaged_state,
-        _a_folder,
+        _truncated, _flipped, _empty, _text, _an_encoder, _a_list, _an_older_version,
+        _damaged_state, _a_folder,
     ],
 )  # fmt: skip
 def test_a_file_that_is_no_checkpoint_is_refused(scene, present, damage):
