@@ -14,6 +14,7 @@ import numba
 from numba.core.cpu import ParallelOptions
 
 from rigs.compiled import cached_with_helpers
+from tomo._compute.forks import refused_without_threads
 from tomo._compute.wait_policy import set_passive_waiting
 
 set_passive_waiting()
@@ -58,9 +59,9 @@ def compiled(
         try:
             kernel = numba.njit(function, cache=not inline, **options)
         except RuntimeError:  # no folder to cache in can be written
-            return numba.njit(function, **options)
+            kernel = numba.njit(function, **options)
         if not inline:
             cached_with_helpers(kernel)
-        return kernel
+        return refused_without_threads(kernel) if parallel else kernel
 
     return decorate

@@ -7,15 +7,20 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[3]
 
 COMPILED_LATER = """
+import inspect
 import sys
 from numba.core.dispatcher import Dispatcher
 from tomo import Scan, VoxelGrid, load_scan
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline import Options, reconstruct
 
+def is_kernel(value):
+    return isinstance(value, Dispatcher)
+
 def known():
     modules = [module for name, module in sys.modules.items() if name.startswith("tomo")]
-    kernels = [one for m in modules for one in vars(m).values() if isinstance(one, Dispatcher)]
+    values = [inspect.unwrap(one, stop=is_kernel) for m in modules for one in vars(m).values()]
+    kernels = filter(is_kernel, values)
     return {(one.py_func.__qualname__, str(s)) for one in kernels for s in one.signatures}
 
 warm_up_stages("march", carving=True)
