@@ -101,7 +101,7 @@ def reconstruct(
         typer.Option(
             metavar="ADDRESS",
             help="With --frames: solve blocks of frames on the Dask cluster at an address like "
-            "tcp://host:8786.",
+            "tls://host:8786; by tcp:// everybody in its network can run programs on it.",
         ),
     ] = None,
     pictures: Annotated[

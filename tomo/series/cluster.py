@@ -1,8 +1,7 @@
 """Blocks of a series as tasks of a Dask cluster: processes of this machine, or other machines.
 
-Dask gives out the blocks, gives those of a lost worker to another one, and starts workers of this
-machine again. Workers read their frames and write their blocks by themselves; only the plan
-travels, once to each worker.
+Dask gives out the blocks, and gives those of a lost worker to another one. Workers read their
+frames and write their blocks by themselves; only the plan travels, once to each worker.
 """
 
 from __future__ import annotations
@@ -11,14 +10,11 @@ import importlib.metadata
 import logging
 import os
 import secrets
-import sys
-import threading
 from collections.abc import Iterator, Mapping
 from concurrent.futures import CancelledError
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from functools import partial
-from multiprocessing import resource_tracker
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from tomo.operators.system import Progress
 from tomo.series.frames import blocks_of
@@ -27,6 +23,7 @@ from tomo.series.store import SeriesStore
 
 if TYPE_CHECKING:
     from distributed import Client
+    from distributed.deploy import Cluster
 
     from tomo.series.run import Execute
 
@@ -34,34 +31,22 @@ PATIENCE = 10.0
 """Seconds in which a scheduler answers. Fewer: busy networks are taken for dead. More: a wrong
 address is said late."""
 
-ONE_THREAD = dict.fromkeys(
-    ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
-)
-"""The environment of a worker of this machine: as many workers as cores to be used."""
-
-AGAIN = 2.0
-"""Seconds after which workers of this machine that are gone for good are replaced: fewer cost
-time, more leave cores idle."""
-
-SETTINGS = {
-    "distributed.scheduler.worker-saturation": 1.0,  # no block waits at a worker that may be lost
-    "distributed.deploy.lost-worker-timeout": "30s",  # busy machines start one again in so long
-    "distributed.nanny.pre-spawn-environ": {},  # which would be this process' own, too
-    "distributed.worker.profile.enabled": False,  # it looks at a worker's stack every 10 ms
-}
-"""Dask's settings for workers of this machine."""
-
 
 @contextmanager
-def on_cluster(workers: int | None = None, scheduler: str | None = None) -> Iterator[Execute]:
+def on_cluster(
+    workers: int | None = None, scheduler: str | Cluster | None = None
+) -> Iterator[Execute]:
     """Yield what solves the missing blocks of a series on a cluster, for `reconstruct_series`.
 
     Parameters
     ----------
     workers : int, optional
-        Processes of one thread each to start on this machine. They end with the run.
-    scheduler : str, optional
-        The address of a Dask scheduler, ``tcp://host:8786``, in place of ``workers``.
+        Processes of one thread each to start on this machine. They end with the run, and take
+        nothing from other users of the machine.
+    scheduler : str or distributed.deploy.Cluster, optional
+        A Dask scheduler, in place of ``workers``: its address, ``tcp://host:8786`` or
+        ``tls://host:8786`` with the credentials in Dask's settings; or a cluster object of this
+        process, with its credentials.
 
     Raises
     ------
@@ -82,15 +67,10 @@ def on_cluster(workers: int | None = None, scheduler: str | None = None) -> Iter
     if workers is not None and workers < 1:
         raise ValueError(f"workers: found {workers}, expected at least 1")
     _import_distributed()
+    from tomo.series.local_workers import started
     from tomo.series.on_worker import own_versions
 
-    with ExitStack() as stack:
-        if workers is not None:
-            client = _local(stack, workers)
-        else:
-            assert scheduler is not None
-            client = _connected(scheduler)
-        stack.enter_context(client)
+    with _connected(scheduler) if scheduler is not None else started(cast(int, workers)) as client:
         versions = own_versions()
         _check_versions(client, versions)
         yield partial(_run, client, versions)
@@ -98,69 +78,57 @@ def on_cluster(workers: int | None = None, scheduler: str | None = None) -> Iter
 
 def _import_distributed() -> None:
     try:
+        import cryptography  # noqa: F401  keys for TLS
         import distributed  # noqa: F401
-    except ImportError:
+    except ImportError as error:
         raise ValueError(
-            "workers: found no Dask, expected it for more than one process: "
+            f"workers: found no {error.name}, expected it for more than one process: "
             "pip install 'flametomo[cluster]'"
         ) from None
 
 
-def _local(stack: ExitStack, workers: int) -> Client:
-    """Start workers on this machine."""
-    import dask
-    from distributed import Client, LocalCluster
-
-    stack.enter_context(dask.config.set(SETTINGS))
-    _start_quiet_tracker()
-    cluster = stack.enter_context(
-        LocalCluster(
-            n_workers=workers,
-            threads_per_worker=1,
-            processes=True,
-            memory_limit=0,  # Dask would pause workers whose memory it cannot free
-            dashboard_address="127.0.0.1:0",  # any free port
-            silence_logs=logging.CRITICAL,  # of workers that were lost
-            env=ONE_THREAD,
-        )
-    )
-    ended = threading.Event()
-    stack.callback(ended.set)
-
-    def keep() -> None:
-        """Replace workers: Dask starts a lost one again, but not one lost while it starts."""
-        while not ended.wait(AGAIN):
-            cluster.scale(workers)
-
-    threading.Thread(target=keep, daemon=True).start()
-    return Client(cluster, set_as_default=False)
-
-
-def _start_quiet_tracker() -> None:
-    """Start the process that cleans up after others, which would add to what Ctrl-C says."""
-    if os.name != "posix":  # there is none
-        return
-    quiet = "ignore:resource_tracker:UserWarning"
-    sys.warnoptions.append(quiet)
-    try:
-        resource_tracker.ensure_running()
-    finally:
-        sys.warnoptions.remove(quiet)
-
-
-def _connected(address: str) -> Client:
+def _connected(scheduler: str | Cluster) -> Client:
     """Connect to a scheduler."""
     from distributed import Client
 
+    if isinstance(scheduler, str):
+        _check_address(scheduler)
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a loss is raised
     try:
-        return Client(address, timeout=PATIENCE, set_as_default=False)
+        return Client(scheduler, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
         raise ValueError(
-            f"scheduler: found nothing that answers at {address} within {PATIENCE:g} s, expected "
-            f"a Dask scheduler like tcp://host:8786, which `dask scheduler` starts "
+            f"scheduler: found nothing that answers at {scheduler} within {PATIENCE:g} s, "
+            "expected a Dask scheduler like tcp://host:8786, which `dask scheduler` starts "
             f"({type(error).__name__})"
         ) from None
+
+
+def _check_address(address: str) -> None:
+    """Refuse an address that a client could not even try: it would hang for a while after that."""
+    from distributed import Security
+    from distributed.comm import parse_address, parse_host_port
+    from distributed.comm.registry import get_backend
+
+    kind, place = parse_address(address)
+    try:
+        get_backend(kind)
+        parse_host_port(place)
+    except ValueError as error:
+        raise ValueError(
+            f"scheduler: found {address!r}, expected an address like tcp://host:8786 ({error})"
+        ) from None
+    settings = Security()
+    files = settings.get_tls_config_for_role("client")
+    if kind == "tls" and not (files["ca_file"] and files["cert"]):
+        raise ValueError(
+            f"scheduler: found no credentials for {address}, expected ca-file and client.cert in "
+            "Dask's settings distributed.comm.tls"
+        )
+    if kind == "tcp" and settings.require_encryption:
+        raise ValueError(
+            f"scheduler: found {address}, expected tls://, as Dask's settings require encryption"
+        )
 
 
 def _check_versions(client: Client, expected: Mapping[str, str]) -> None:

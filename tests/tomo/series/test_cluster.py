@@ -1,5 +1,6 @@
 """Blocks on a cluster: the bits of one process, workers that are lost, and what is refused."""
 
+import asyncio
 import os
 import pickle
 import shutil
@@ -7,6 +8,7 @@ import socket
 import sys
 import threading
 import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -35,6 +37,28 @@ def scheduler():
         yield cluster.scheduler_address
 
 
+def listeners():
+    """Return the addresses at which this process and its children take connections."""
+    here = psutil.Process()
+    for process in (here, *here.children(recursive=True)):
+        for one in process.net_connections("tcp"):
+            if one.status == psutil.CONN_LISTEN:
+                yield f"{one.laddr.ip}:{one.laddr.port}"
+
+
+@pytest.fixture(scope="module")
+def others(scheduler):
+    """Return the addresses that this process listens at without workers of its own."""
+    return set(listeners())
+
+
+@pytest.fixture(scope="module")
+def local(others):
+    """Return what solves blocks in one process of this machine, which is started again."""
+    with on_cluster(workers=1) as execute:
+        yield execute
+
+
 def test_a_cluster_gives_the_bits_of_one_process(scheduler, plan, store, undisturbed, assert_same):
     seen = []
     with on_cluster(scheduler=scheduler) as execute:
@@ -51,10 +75,9 @@ def test_a_cluster_gives_the_bits_of_one_process(scheduler, plan, store, undistu
     assert before == {p: p.stat().st_mtime_ns for p in store.path.rglob("*") if p.is_file()}
 
 
-def test_lost_workers_cost_their_blocks_only(plan, store, undisturbed, assert_same):
+def test_lost_workers_cost_their_blocks_only(local, plan, store, undisturbed, assert_same):
     """Every worker is killed while the first block is in hand: all are started again."""
     first = blocks_of(len(plan.places))[0]
-    mine = set(psutil.Process().children(recursive=True))
     killed = []
 
     def kill_in_the_first_block():
@@ -62,19 +85,60 @@ def test_lost_workers_cost_their_blocks_only(plan, store, undisturbed, assert_sa
             while claims.take(first, wait=False):
                 claims.release(first)
                 time.sleep(0.005)
-        for child in set(psutil.Process().children(recursive=True)) - mine:
+        for child in psutil.Process().children(recursive=True):
             if any("spawn_main" in word for word in child.cmdline()):
                 child.kill()
                 killed.append(child.pid)
 
     killer = threading.Thread(target=kill_in_the_first_block, daemon=True)
-    with on_cluster(workers=1) as execute:
-        killer.start()
-        execute(plan, store, None)
-        killer.join()
+    killer.start()
+    local(plan, store, None)
+    killer.join()
     assert killed
     assert_same(store, undisturbed)
     assert not list(store.path.rglob("*.partial"))
+
+
+def test_other_users_of_the_machine_reach_nothing(scheduler, others, local):
+    async def identity(address, timeout=1, **credentials):
+        """Return what a part of Dask says of itself to one that knows its address."""
+        comm = await distributed.comm.connect(address, timeout, **credentials)
+        await comm.write({"op": "identity", "reply": True})
+        return await comm.read()
+
+    async def page(address):
+        """Return a page of a part of Dask."""
+        reader, writer = await asyncio.open_connection(*address.split(":"))
+        writer.write(b"GET /health HTTP/1.0\r\n\r\n")
+        status = await reader.readline()
+        return status if b" 404 " not in status else b""
+
+    async def answers():
+        own = distributed.Security.temporary().get_connection_args("client")
+        asked = [
+            asyncio.wait_for(one, 2)
+            for address in addresses
+            for one in (
+                identity(f"tcp://{address}"),
+                identity(f"tls://{address}", **own),
+                page(address),
+            )
+        ]
+        found = await asyncio.gather(*asked, return_exceptions=True)
+        return [one for one in found if one and not isinstance(one, (OSError, TimeoutError))]
+
+    addresses = set(listeners()) - others
+    assert len(addresses) >= 3  # scheduler, worker and who starts it again
+    assert asyncio.run(answers()) == []
+    assert asyncio.run(identity(scheduler, 30))["type"] == "Scheduler"  # one without credentials
+
+
+@pytest.mark.skipif(os.name != "posix", reason="permissions of folders are POSIX")
+def test_dask_imports_from_a_folder_that_no_other_user_can_write_to(local):
+    folders = [Path(one) for one in sys.path if "dask-scratch-space" in one]
+    assert folders
+    for folder in folders:
+        assert any(one.stat().st_mode & 0o077 == 0 for one in (folder, *folder.parents)), folder
 
 
 def test_a_worker_of_another_version_is_refused(scheduler, monkeypatch):
@@ -138,14 +202,40 @@ def test_without_dask_the_message_names_the_extra(monkeypatch):
         on_cluster(workers=2).__enter__()
 
 
+def test_workers_lost_while_they_start_are_started_again_once(monkeypatch):
+    def fails(**how):
+        started.append(how)
+        raise RuntimeError("Nanny failed to start.")
+
+    started = []
+    monkeypatch.setattr("tomo.series.local_workers.LocalCluster", fails)
+    with pytest.raises(ChildProcessError, match=r"end as they start, twice, .*__main__"):
+        on_cluster(workers=1).__enter__()
+    assert len(started) == 2
+
+
 def test_what_is_no_cluster_is_refused(monkeypatch):
     monkeypatch.setattr("tomo.series.cluster.PATIENCE", 0.5)
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
-        for wrong in (address, "nothing", "tcp://"):
-            with pytest.raises(ValueError, match=f"nothing that answers at {wrong} within"):
-                on_cluster(scheduler=wrong).__enter__()
+        with pytest.raises(ValueError, match=f"nothing that answers at {address} within"):
+            on_cluster(scheduler=address).__enter__()
+    for wrong in ("nothing", "tcp://", "foo://head:1", "tcp://head:port", ""):
+        with pytest.raises(ValueError, match=f"found '{wrong}', expected an address like tcp://"):
+            on_cluster(scheduler=wrong).__enter__()
+
+
+def test_dasks_settings_say_how_a_scheduler_is_reached():
+    import dask
+
+    with pytest.raises(ValueError, match=r"no credentials for tls://head:1, expected ca-file"):
+        on_cluster(scheduler="tls://head:1").__enter__()
+    with (
+        dask.config.set({"distributed.comm.require-encryption": True}),
+        pytest.raises(ValueError, match="found tcp://head:1, expected tls://, as"),
+    ):
+        on_cluster(scheduler="tcp://head:1").__enter__()
 
 
 def test_a_store_that_is_copied_to_an_object_store_is_read_there(undisturbed):
