@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from distributed import Client
     from distributed.deploy import Cluster
 
+    from tomo.series.on_worker import HeldPlan
     from tomo.series.run import Execute
 
 PATIENCE = 10.0
@@ -146,11 +147,13 @@ def _check_versions(client: Client, expected: Mapping[str, str]) -> None:
 
 def _everywhere(client: Client, function: object, *arguments: object) -> dict[str, object]:
     """Return what a function gives, or raises, on each worker; not of workers lost meanwhile."""
-    from distributed.comm import CommClosedError
-
     found = client.run(function, *arguments, on_error="return") or {}
-    lost = CommClosedError, TimeoutError
-    return {worker: value for worker, value in found.items() if not isinstance(value, lost)}
+    return {worker: value for worker, value in found.items() if not _is_loss(value)}
+
+
+def _is_loss(value: object) -> bool:
+    """Return whether a value is Dask's error for a connection that is gone, not the system's."""
+    return isinstance(value, OSError) and value.errno is None
 
 
 def _run(
@@ -169,13 +172,30 @@ def _run(
         check_store(worker, store.path, expected, found)
     name = f"flametomo-{secrets.token_hex(4)}"
     blocks = [one for one in blocks_of(len(plan.places)) if not store.is_complete(one)]
-    client.register_plugin(HeldPlan(plan, store, versions), name)
+    held = HeldPlan(plan, store, versions)
     try:
+        _hand_out(client, held, name, store)
         for wait in (False, True):  # blocks of another run are waited for, as in one process
             blocks = _run_tasks(client, name, plan, blocks, wait, store, progress)
     finally:
         with suppress(OSError, RuntimeError):  # a scheduler that was lost holds nothing
             client.unregister_worker_plugin(name)
+
+
+def _hand_out(client: Client, held: HeldPlan, name: str, store: SeriesStore) -> None:
+    """Give the plan to every worker, as often as one is lost meanwhile.
+
+    The scheduler gives it to workers that come later as they start.
+    """
+    while True:
+        try:
+            client.register_plugin(held, name)
+            return
+        except OSError as error:
+            if not _is_loss(error):
+                raise
+        with _losses_in_one_line("", store):
+            client.nthreads()  # raises where the scheduler is lost
 
 
 def _run_tasks(

@@ -99,6 +99,35 @@ def test_lost_workers_cost_their_blocks_only(local, plan, store, undisturbed, as
     assert not list(store.path.rglob("*.partial"))
 
 
+def test_a_worker_lost_while_it_takes_the_plan_is_replaced(
+    local, plan, store, undisturbed, assert_same, monkeypatch
+):
+    from tomo.series.on_worker import HeldPlan
+
+    killed, state = store.path.parent / "killed", HeldPlan.__getstate__
+
+    def end_at_first(packed):
+        if not killed.exists():
+            killed.touch()
+            os._exit(1)
+        return packed
+
+    class Fatal:
+        """A packed plan that ends the first process that it is given to."""
+
+        def __init__(self, packed):
+            self.packed = packed
+
+        def __reduce__(self):
+            return end_at_first, (self.packed,)
+
+    fatal = lambda held: state(held) | {"_packed": Fatal(held._packed)}  # noqa: E731
+    monkeypatch.setattr(HeldPlan, "__getstate__", fatal)
+    local(plan, store, None)
+    assert killed.exists()
+    assert_same(store, undisturbed)
+
+
 def test_other_users_of_the_machine_reach_nothing(scheduler, others, local):
     async def identity(address, timeout=1, **credentials):
         """Return what a part of Dask says of itself to one that knows its address."""
