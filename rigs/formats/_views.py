@@ -21,6 +21,7 @@ def named(
     cameras: Sequence[Camera],
     given: Sequence[str | None],
     file_stem: str,
+    sensors: Sequence[object] | None = None,
 ) -> tuple[list[str], list[str]]:
     """Return each image's camera name and frame name.
 
@@ -29,6 +30,9 @@ def named(
     cameras differ: each image is then a camera, and all belong to one frame, ``file_stem``.
     Images of equal pose and lens among those are moments of one camera: see `_moments`.
 
+    ``sensors`` tells, where a file does, which images one physical camera took. Where all folders
+    are of one that moved between the images of a folder, every image is a camera too.
+
     Raises
     ------
     ValueError
@@ -36,7 +40,11 @@ def named(
     """
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}
-    alone = len(folders) == 1 and any(difference(cameras[i], cameras[unnamed[0]]) for i in unnamed)
+    first = {images[i].parent: cameras[i] for i in reversed(unnamed)}
+    has_moved = any(difference(cameras[i], first[images[i].parent]) for i in unnamed)
+    is_one_sensor = sensors is not None and len(set(sensors)) == 1
+    alone = has_moved and (len(folders) == 1 or is_one_sensor)
+    stems = Counter(images[i].stem for i in unnamed)
     flat = [i for i in unnamed if alone or not images[i].parent.name]
     moments = dict(
         zip(flat, _moments([images[i] for i in flat], [cameras[i] for i in flat]), strict=False)
@@ -51,7 +59,8 @@ def named(
             names.append(moments[index][0])
             frame_names.append(moments[index][1])
         elif alone or not image.parent.name:
-            names.append(image.stem)
+            is_clear = stems[image.stem] == 1 or len(folders) == 1
+            names.append(image.stem if is_clear else "_".join(image.with_suffix("").parts))
             frame_names.append(file_stem)
         else:
             folder = image.parent  # all of its parts where another folder ends the same
@@ -128,7 +137,8 @@ def grouped(
         if field:
             raise ValueError(
                 f"camera {name}: {fields[field]}: differs between {first_image} and {image}, "
-                "expected the same in all its entries"
+                "expected the same in all its entries: where cameras moved round a still scene, "
+                "put their images into one folder, which makes each image a camera"
             )
         views = frames.setdefault(frame, {})
         if name in views:

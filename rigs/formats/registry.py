@@ -30,6 +30,9 @@ class Format:
         Endings of paths that are written in this format by default.
     reads, writes : bool
         Whether the module has ``load``, and ``save``.
+    fields : tuple of str
+        Words that every file of it holds, from which the message about an unknown file says what
+        format comes nearest.
     """
 
     name: str
@@ -37,11 +40,16 @@ class Format:
     suffixes: tuple[str, ...] = ()
     reads: bool = True
     writes: bool = False
+    fields: tuple[str, ...] = ()
 
     @property
     def module(self) -> ModuleType:
         """Its ``looks_like(path, head)``, ``load(path, image_size)`` and ``save(rig, path)``."""
         return importlib.import_module(f"rigs.formats.{self.name}")
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(text.split())
 
 
 #: In the order in which files are tried.
@@ -51,20 +59,64 @@ FORMATS: dict[str, Format] = {
         Format("emission_rig", "our rig.yaml", (".yaml",), writes=True),
         Format("middlebury", "Middlebury multi-view *_par.txt"),
         Format("colmap", "COLMAP model, text or binary, a folder", ("cameras.txt",), writes=True),
-        Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
-        Format("multical", "multical's calibration.json"),
-        Format("kalibr", "Kalibr's camchain.yaml"),
-        Format("anipose", "TOML of anipose, Pose2Sim, FreeMoCap, caliscope"),
+        Format(
+            "transforms",
+            "NeRF-style transforms.json",
+            ("transforms.json",),
+            writes=True,
+            fields=_words("frames file_path transform_matrix"),
+        ),
+        Format(
+            "multical",
+            "multical's calibration.json",
+            fields=_words("cameras camera_poses model image_size dist"),
+        ),
+        Format(
+            "kalibr",
+            "Kalibr's camchain.yaml",
+            fields=_words("cam0 camera_model intrinsics distortion_model resolution"),
+        ),
+        Format(
+            "anipose",
+            "TOML of anipose, Pose2Sim, FreeMoCap, caliscope",
+            fields=_words("size matrix distortions rotation translation"),
+        ),
         Format("openptv", "OpenPTV .ori and .addpar, of a folder or one"),
         Format("easymocap", "EasyMocap's intri.yml and extri.yml"),
-        Format("mccalib", "MC-Calib's calibrated_cameras_data.yml"),
-        Format("mrcal", "mrcal's .cameramodel with OpenCV's lenses"),
-        Format("metashape", "Agisoft Metashape's cameras.xml"),
-        Format("gaussian_splatting", "3-D Gaussian splatting's cameras.json"),
-        Format("bop", "BOP's scene_camera.json"),
-        Format("openmvg", "openMVG's sfm_data.json"),
+        Format(
+            "mccalib",
+            "MC-Calib's calibrated_cameras_data.yml",
+            fields=_words("nb_camera camera_matrix distortion_vector camera_pose_matrix"),
+        ),
+        Format(
+            "mrcal",
+            "mrcal's .cameramodel with OpenCV's lenses",
+            fields=_words("lensmodel extrinsics intrinsics imagersize"),
+        ),
+        Format(
+            "metashape",
+            "Agisoft Metashape's cameras.xml",
+            fields=_words("document chunk sensors cameras camera"),
+        ),
+        Format(
+            "gaussian_splatting",
+            "3-D Gaussian splatting's cameras.json",
+            fields=_words("img_name width height position rotation fx fy"),
+        ),
+        Format("bop", "BOP's scene_camera.json", fields=_words("cam_K cam_R_w2c cam_t_w2c")),
+        Format(
+            "openmvg",
+            "openMVG's sfm_data.json",
+            fields=_words("sfm_data_version views intrinsics extrinsics"),
+        ),
         Format("blender", "lists of Blender's cameras as JSON"),
-        Format("opencv", "cv2.FileStorage YAML, XML, JSON", (".yml", ".json"), writes=True),
+        Format(
+            "opencv",
+            "cv2.FileStorage YAML, XML, JSON",
+            (".yml", ".json"),
+            writes=True,
+            fields=_words("camera_matrix R T image_width image_height"),
+        ),
         Format("myptv", "MyPTV's camera files"),
         Format("bundler", "Bundler's bundle.out with its list.txt"),
         Format("nvm", "VisualSFM's .nvm"),
@@ -78,6 +130,10 @@ FORMATS: dict[str, Format] = {
     )
 }
 
+#: Files of a folder that are looked into: a rig's folder has few; thousands would take seconds.
+_MOST_FILES = 100
+#: Fraction of a format's fields that makes a file like it: below half any file is like some.
+_LEAST_SHARE = 0.5
 _OURS = (".yaml", ".yml")
 _OUR_KEYS = {"format", "version", "cameras", "length_unit", "convention", "world_frame", "volume"}
 
@@ -102,21 +158,63 @@ def sniff(path: str | os.PathLike) -> str:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
+    found = _recognised(path, names())
+    if found:
+        return found[1]
     head = read_head(path) if path.is_file() else ""
-    for name in names():
-        if FORMATS[name].module.looks_like(path, head):
-            return name
     if is_storage(head):
         return "opencv"  # its error names the keys found
-    found = _keys_of(path, head)
-    if path.suffix in _OURS and (not found or _OUR_KEYS.intersection(found)):
+    keys = _keys_of(path, head)
+    if path.suffix in _OURS and (not keys or _OUR_KEYS.intersection(keys)):
         return "emission_rig"  # its error names what a rig.yaml lacks
     what = "an image" if path.suffix.lower() in IMAGE_SUFFIXES else "none of the rig formats"
-    keys = f"; found in it: {', '.join(found[:8])}" if found else ""
+    listed = f"; found in it: {', '.join(keys[:8])}" if keys else ""
     raise ValueError(
         f"{path}: found {what}, expected a file or folder of a calibration, in one of "
-        f"{', '.join(names())}{keys}"
+        f"{', '.join(names())}{listed}{_nearest(head)}"
     )
+
+
+def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None:
+    """Return what to read and its format: a path, or the one known file of a folder.
+
+    Raises
+    ------
+    ValueError
+        If a folder that is no rig by itself holds several files that are.
+    """
+    found = _format_of(path, choices)
+    if found or not path.is_dir():
+        return (path, found) if found else None
+    files = [
+        file
+        for file in sorted(path.iterdir())
+        if file.is_file() and file.suffix.lower() not in IMAGE_SUFFIXES
+    ]
+    known = [(file, name) for file in files[:_MOST_FILES] if (name := _format_of(file, choices))]
+    if len(known) > 1:
+        listed = ", ".join(f"{file.name} ({name})" for file, name in known[:6])
+        raise ValueError(f"{path}: found {len(known)} rigs, {listed}, expected one of them as IN")
+    return known[0] if known else None
+
+
+def _format_of(path: Path, choices: tuple[str, ...]) -> str | None:
+    """Return the first format that takes a path for its own."""
+    head = read_head(path) if path.is_file() else ""
+    return next((n for n in choices if FORMATS[n].module.looks_like(path, head)), None)
+
+
+def _nearest(head: str) -> str:
+    """Return which format has most of its fields in a file, and those that are missing."""
+    words = set(re.findall(r"\w+", head))
+    fields = {name: item.fields for name, item in FORMATS.items() if item.fields}
+    share = {name: len(words.intersection(own)) / len(own) for name, own in fields.items()}
+    best = max(share, key=lambda name: share[name])
+    if share[best] < _LEAST_SHARE:
+        return ""
+    missing = [field for field in fields[best] if field not in words]
+    lacks = f"lacks {', '.join(missing)}" if missing else f"try --from {best}"
+    return f"; nearest is {best} ({FORMATS[best].about}): {lacks}"
 
 
 def _keys_of(path: Path, head: str) -> list[str]:
@@ -162,8 +260,9 @@ def load(
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    module = _known(format, names(), "read").module if format else FORMATS[sniff(path)].module
-    rig = module.load(path, image_size)
+    name = _known(format, names(), "read").name if format else sniff(path)
+    path, _ = (_recognised(path, (name,)) if path.is_dir() else None) or (path, name)
+    rig = FORMATS[name].module.load(path, image_size)
     with errors_of_file(path):
         for camera in rig:
             if image_size is not None and camera.image_size != tuple(image_size):
