@@ -13,8 +13,21 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.camera import Camera
+from rigs.formats._image_size import check_table_size
+from rigs.ray_table import RayTable
+
 #: Parameters before the focal lengths and the principal point.
 PARAMETERS = {"omni": ("xi",), "ds": ("xi", "alpha"), "eucm": ("alpha", "beta")}
+
+
+def table_of(camera: Camera, model: str, parameters: Sequence[float]) -> RayTable:
+    """Return a camera with such a lens, behind the lens of ``camera``, as a table of rays."""
+    check_table_size(camera.image_size)
+    behind = camera.rays()[1] @ camera.R.T  # the model's own image plane, at depth one
+    seen = directions(model, parameters, behind[:, :2] / behind[:, 2:]) @ camera.R
+    rows = seen.reshape(*camera.image_size[::-1], 3)
+    return RayTable(camera.name, camera.position, rows, status=camera.status)
 
 
 def directions(

@@ -2,18 +2,95 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from rigs.camera import Camera
-from rigs.camera_protocol import LensCamera
+from rigs.camera_protocol import CameraLike, LensCamera
+from rigs.files.text import shortened
+from rigs.files.units import UNKNOWN
+from rigs.formats._image_size import check_tables
+from rigs.rig import Rig
+
+logger = logging.getLogger(__name__)
 
 Frames = list[tuple[str, dict[str, Path]]]
+
+
+@dataclass
+class Views:
+    """The images of a file with their cameras, collected one by one.
+
+    Parameters
+    ----------
+    path : Path
+        The file; ``fields`` are its names of a camera's fields, for errors.
+    fields : mapping
+
+    Examples
+    --------
+    >>> Views(Path("sfm.json"), {}).images
+    []
+    """
+
+    path: Path
+    fields: Mapping[str, str]
+    images: list[PurePosixPath] = field(default_factory=list)
+    cameras: list[Camera] = field(default_factory=list)
+    sensors: list[object] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    finish: list[Callable[[Camera], CameraLike]] = field(default_factory=list)
+
+    def add(
+        self,
+        image: str,
+        camera: Camera,
+        sensor: object = None,
+        finish: Callable[[Camera], CameraLike] = lambda camera: camera,
+    ) -> None:
+        """Add an image and its camera under a placeholder name.
+
+        ``sensor`` names the physical camera where the file does, see `named`; ``finish`` makes a
+        table of rays where no lens holds the camera's.
+        """
+        path = PurePosixPath(image.strip().replace("\\", "/"))
+        if not path.name:
+            raise ValueError(f"found {shortened(image)}, expected an image's name")
+        known = re.fullmatch(r"\.[A-Za-z]\w{1,4}", path.suffix)  # cam1.5 has no ending
+        self.images.append(path if known else path.with_name(f"{path.name}.png"))
+        self.cameras.append(camera)
+        self.sensors.append(sensor)
+        self.finish.append(finish)
+
+    def rig(self, unit: str = UNKNOWN) -> Rig:
+        """Return the rig of the images; those in ``lost``, without a pose, are named.
+
+        Raises
+        ------
+        ValueError
+            If no image has a pose, or those of one camera differ.
+        """
+        if not self.images:
+            raise ValueError(f"found a pose of none of {len(self.lost)} views, expected some")
+        if self.lost:
+            logger.warning("%s: left out %d views without a pose: %s", self.path, len(self.lost),
+                           shortened(", ".join(self.lost)))  # fmt: skip
+        given, stem = [None] * len(self.images), self.path.stem
+        sensors = None if None in self.sensors else self.sensors
+        names, frames = named(self.images, self.cameras, given, stem, sensors)
+        folder = self.path.parent
+        found, _ = grouped(folder, self.images, self.cameras, names, frames, self.fields)
+        cameras: list[CameraLike] = []
+        for camera in found:
+            cameras.append(self.finish[names.index(camera.name)](camera))
+            check_tables(cameras)
+        return Rig(tuple(cameras), unit, f"as in {self.path.name}")
 
 
 def named(
@@ -150,10 +227,10 @@ def grouped(
 
 def difference(camera: LensCamera, other: LensCamera) -> str:
     """Return the name of the first field in which two cameras differ, or nothing."""
-    for field in ("image_size", "distortion"):
-        if getattr(camera, field) != getattr(other, field):
-            return field
-    for field in ("camera_matrix", "R", "t"):
-        if not np.allclose(getattr(camera, field), getattr(other, field), rtol=1e-9, atol=1e-12):
-            return field
+    for name in ("image_size", "distortion"):
+        if getattr(camera, name) != getattr(other, name):
+            return name
+    for name in ("camera_matrix", "R", "t"):
+        if not np.allclose(getattr(camera, name), getattr(other, name), rtol=1e-9, atol=1e-12):
+            return name
     return ""

@@ -109,6 +109,56 @@ FORMATS: dict[str, Format] = {
             "openMVG's sfm_data.json",
             fields=_words("sfm_data_version views intrinsics extrinsics"),
         ),
+        Format(
+            "alicevision",
+            "Meshroom's and AliceVision's .sfm",
+            fields=_words("version views intrinsics poses viewId intrinsicId"),
+        ),
+        Format(
+            "opensfm",
+            "OpenSfM's and ODM's reconstruction.json",
+            fields=_words("cameras projection_type shots rotation translation"),
+        ),
+        Format(
+            "qualisys",
+            "Qualisys Track Manager's .qca.txt",
+            fields=_words("calibration cameras fov_video transform focalLengthU"),
+        ),
+        Format(
+            "kitti",
+            "KITTI's calib_cam_to_cam.txt and calib.txt",
+            fields=_words("S_00 K_00 D_00 R_00 T_00"),
+        ),
+        Format(
+            "euroc",
+            "EuRoC's cam*/sensor.yaml",
+            fields=_words("T_BS camera_model intrinsics distortion_model resolution"),
+        ),
+        Format(
+            "basalt",
+            "Basalt's calibration.json",
+            fields=_words("T_imu_cam camera_type intrinsics resolution"),
+        ),
+        Format(
+            "open3d",
+            "Open3D's pinhole cameras as JSON",
+            fields=_words("class_name extrinsic intrinsic intrinsic_matrix"),
+        ),
+        Format(
+            "realitycapture",
+            "RealityCapture's camera parameters, .csv",
+            fields=_words("name x y alt heading pitch roll f"),
+        ),
+        Format(
+            "pix4d",
+            "Pix4D's *_calibrated_camera_parameters.txt",
+            fields=_words("fileName imageWidth imageHeight camera matrix K radial"),
+        ),
+        Format(
+            "nerfstudio",
+            "nerfstudio's camera_path.json",
+            fields=_words("camera_path camera_to_world fov render_width render_height"),
+        ),
         Format("blender", "lists of Blender's cameras as JSON"),
         Format(
             "opencv",
