@@ -52,12 +52,13 @@ class Views:
         image: str,
         camera: Camera,
         sensor: object = None,
-        finish: Callable[[Camera], CameraLike] = lambda camera: camera,
+        finish: Callable[[Camera], CameraLike] | None = None,
     ) -> None:
         """Add an image and its camera under a placeholder name.
 
-        ``sensor`` names the physical camera where the file does, see `named`; ``finish`` makes a
-        table of rays where no lens holds the camera's.
+        ``sensor`` names the physical camera where the file does, see `named`; ``finish``, a
+        function or its `functools.partial` with keywords, makes a table of rays where no lens
+        holds the camera's.
         """
         path = PurePosixPath(image.strip().replace("\\", "/"))
         if not path.name:
@@ -66,9 +67,9 @@ class Views:
         self.images.append(path if known else path.with_name(f"{path.name}.png"))
         self.cameras.append(camera)
         self.sensors.append(sensor)
-        self.finish.append(finish)
+        self.finish.append(finish or _unchanged)
 
-    def rig(self, unit: str = UNKNOWN) -> Rig:
+    def rig(self, unit: str = UNKNOWN, frame: str | None = None) -> Rig:
         """Return the rig of the images; those in ``lost``, without a pose, are named.
 
         Raises
@@ -86,11 +87,25 @@ class Views:
         names, frames = named(self.images, self.cameras, given, stem, sensors)
         folder = self.path.parent
         found, _ = grouped(folder, self.images, self.cameras, names, frames, self.fields)
+        finish = dict(zip(reversed(names), reversed(self.finish), strict=True))
+        for name, other in zip(names, self.finish, strict=True):
+            if _parts(other) != _parts(finish[name]):
+                raise ValueError(f"camera {name}: {self.fields['distortion']}: differs between "
+                                 "its images, expected the same in all")  # fmt: skip
         cameras: list[CameraLike] = []
         for camera in found:
-            cameras.append(self.finish[names.index(camera.name)](camera))
+            cameras.append(finish[camera.name](camera))
             check_tables(cameras)
-        return Rig(tuple(cameras), unit, f"as in {self.path.name}")
+        return Rig(tuple(cameras), unit, frame or f"as in {self.path.name}")
+
+
+def _parts(finish: Callable) -> tuple[object, ...]:
+    """Return what makes two partial functions the same."""
+    return getattr(finish, "func", finish), getattr(finish, "keywords", None)
+
+
+def _unchanged(camera: Camera) -> CameraLike:
+    return camera
 
 
 def named(

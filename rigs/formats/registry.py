@@ -11,6 +11,7 @@ from types import ModuleType
 
 from rigs.files.units import in_unit
 from rigs.formats._file_storage import is_storage
+from rigs.formats._nearest import nearest
 from rigs.formats._values import errors_of_file, read_head
 from rigs.recordings import IMAGE_SUFFIXES
 from rigs.rig import Rig
@@ -30,9 +31,6 @@ class Format:
         Endings of paths that are written in this format by default.
     reads, writes : bool
         Whether the module has ``load``, and ``save``.
-    fields : tuple of str
-        Words that every file of it holds, from which the message about an unknown file says what
-        format comes nearest.
     """
 
     name: str
@@ -40,16 +38,11 @@ class Format:
     suffixes: tuple[str, ...] = ()
     reads: bool = True
     writes: bool = False
-    fields: tuple[str, ...] = ()
 
     @property
     def module(self) -> ModuleType:
         """Its ``looks_like(path, head)``, ``load(path, image_size)`` and ``save(rig, path)``."""
         return importlib.import_module(f"rigs.formats.{self.name}")
-
-
-def _words(text: str) -> tuple[str, ...]:
-    return tuple(text.split())
 
 
 #: In the order in which files are tried.
@@ -59,114 +52,30 @@ FORMATS: dict[str, Format] = {
         Format("emission_rig", "our rig.yaml", (".yaml",), writes=True),
         Format("middlebury", "Middlebury multi-view *_par.txt"),
         Format("colmap", "COLMAP model, text or binary, a folder", ("cameras.txt",), writes=True),
-        Format(
-            "transforms",
-            "NeRF-style transforms.json",
-            ("transforms.json",),
-            writes=True,
-            fields=_words("frames file_path transform_matrix"),
-        ),
-        Format(
-            "multical",
-            "multical's calibration.json",
-            fields=_words("cameras camera_poses model image_size dist"),
-        ),
-        Format(
-            "kalibr",
-            "Kalibr's camchain.yaml",
-            fields=_words("cam0 camera_model intrinsics distortion_model resolution"),
-        ),
-        Format(
-            "anipose",
-            "TOML of anipose, Pose2Sim, FreeMoCap, caliscope",
-            fields=_words("size matrix distortions rotation translation"),
-        ),
+        Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
+        Format("multical", "multical's calibration.json"),
+        Format("kalibr", "Kalibr's camchain.yaml"),
+        Format("anipose", "TOML of anipose, Pose2Sim, FreeMoCap, caliscope"),
         Format("openptv", "OpenPTV .ori and .addpar, of a folder or one"),
         Format("easymocap", "EasyMocap's intri.yml and extri.yml"),
-        Format(
-            "mccalib",
-            "MC-Calib's calibrated_cameras_data.yml",
-            fields=_words("nb_camera camera_matrix distortion_vector camera_pose_matrix"),
-        ),
-        Format(
-            "mrcal",
-            "mrcal's .cameramodel with OpenCV's lenses",
-            fields=_words("lensmodel extrinsics intrinsics imagersize"),
-        ),
-        Format(
-            "metashape",
-            "Agisoft Metashape's cameras.xml",
-            fields=_words("document chunk sensors cameras camera"),
-        ),
-        Format(
-            "gaussian_splatting",
-            "3-D Gaussian splatting's cameras.json",
-            fields=_words("img_name width height position rotation fx fy"),
-        ),
-        Format("bop", "BOP's scene_camera.json", fields=_words("cam_K cam_R_w2c cam_t_w2c")),
-        Format(
-            "openmvg",
-            "openMVG's sfm_data.json",
-            fields=_words("sfm_data_version views intrinsics extrinsics"),
-        ),
-        Format(
-            "alicevision",
-            "Meshroom's and AliceVision's .sfm",
-            fields=_words("version views intrinsics poses viewId intrinsicId"),
-        ),
-        Format(
-            "opensfm",
-            "OpenSfM's and ODM's reconstruction.json",
-            fields=_words("cameras projection_type shots rotation translation"),
-        ),
-        Format(
-            "qualisys",
-            "Qualisys Track Manager's .qca.txt",
-            fields=_words("calibration cameras fov_video transform focalLengthU"),
-        ),
-        Format(
-            "kitti",
-            "KITTI's calib_cam_to_cam.txt and calib.txt",
-            fields=_words("S_00 K_00 D_00 R_00 T_00"),
-        ),
-        Format(
-            "euroc",
-            "EuRoC's cam*/sensor.yaml",
-            fields=_words("T_BS camera_model intrinsics distortion_model resolution"),
-        ),
-        Format(
-            "basalt",
-            "Basalt's calibration.json",
-            fields=_words("T_imu_cam camera_type intrinsics resolution"),
-        ),
-        Format(
-            "open3d",
-            "Open3D's pinhole cameras as JSON",
-            fields=_words("class_name extrinsic intrinsic intrinsic_matrix"),
-        ),
-        Format(
-            "realitycapture",
-            "RealityCapture's camera parameters, .csv",
-            fields=_words("name x y alt heading pitch roll f"),
-        ),
-        Format(
-            "pix4d",
-            "Pix4D's *_calibrated_camera_parameters.txt",
-            fields=_words("fileName imageWidth imageHeight camera matrix K radial"),
-        ),
-        Format(
-            "nerfstudio",
-            "nerfstudio's camera_path.json",
-            fields=_words("camera_path camera_to_world fov render_width render_height"),
-        ),
+        Format("mccalib", "MC-Calib's calibrated_cameras_data.yml"),
+        Format("mrcal", "mrcal's .cameramodel with OpenCV's lenses"),
+        Format("metashape", "Agisoft Metashape's cameras.xml"),
+        Format("gaussian_splatting", "3-D Gaussian splatting's cameras.json"),
+        Format("bop", "BOP's scene_camera.json"),
+        Format("openmvg", "openMVG's sfm_data.json"),
+        Format("alicevision", "Meshroom's and AliceVision's .sfm"),
+        Format("opensfm", "OpenSfM's and ODM's reconstruction.json"),
+        Format("qualisys", "Qualisys Track Manager's .qca.txt"),
+        Format("kitti", "KITTI's calib_cam_to_cam.txt and calib.txt"),
+        Format("euroc", "EuRoC's cam*/sensor.yaml"),
+        Format("basalt", "Basalt's calibration.json"),
+        Format("open3d", "Open3D's pinhole cameras as JSON"),
+        Format("realitycapture", "RealityCapture's camera parameters, .csv"),
+        Format("pix4d", "Pix4D's *_calibrated_camera_parameters.txt"),
+        Format("nerfstudio", "nerfstudio's camera_path.json"),
         Format("blender", "lists of Blender's cameras as JSON"),
-        Format(
-            "opencv",
-            "cv2.FileStorage YAML, XML, JSON",
-            (".yml", ".json"),
-            writes=True,
-            fields=_words("camera_matrix R T image_width image_height"),
-        ),
+        Format("opencv", "cv2.FileStorage YAML, XML, JSON", (".yml", ".json"), writes=True),
         Format("myptv", "MyPTV's camera files"),
         Format("bundler", "Bundler's bundle.out with its list.txt"),
         Format("nvm", "VisualSFM's .nvm"),
@@ -182,8 +91,6 @@ FORMATS: dict[str, Format] = {
 
 #: Files of a folder that are looked into: a rig's folder has few; thousands would take seconds.
 _MOST_FILES = 100
-#: Fraction of a format's fields that makes a file like it: below half any file is like some.
-_LEAST_SHARE = 0.5
 _OURS = (".yaml", ".yml")
 _OUR_KEYS = {"format", "version", "cameras", "length_unit", "convention", "world_frame", "volume"}
 
@@ -218,10 +125,11 @@ def sniff(path: str | os.PathLike) -> str:
     if path.suffix in _OURS and (not keys or _OUR_KEYS.intersection(keys)):
         return "emission_rig"  # its error names what a rig.yaml lacks
     what = "an image" if path.suffix.lower() in IMAGE_SUFFIXES else "none of the rig formats"
+    near = nearest(head, {name: item.about for name, item in FORMATS.items()})
     listed = f"; found in it: {', '.join(keys[:8])}" if keys else ""
     raise ValueError(
         f"{path}: found {what}, expected a file or folder of a calibration, in one of "
-        f"{', '.join(names())}{listed}{_nearest(head)}"
+        f"{', '.join(names())}{listed}{near}"
     )
 
 
@@ -252,19 +160,6 @@ def _format_of(path: Path, choices: tuple[str, ...]) -> str | None:
     """Return the first format that takes a path for its own."""
     head = read_head(path) if path.is_file() else ""
     return next((n for n in choices if FORMATS[n].module.looks_like(path, head)), None)
-
-
-def _nearest(head: str) -> str:
-    """Return which format has most of its fields in a file, and those that are missing."""
-    words = set(re.findall(r"\w+", head))
-    fields = {name: item.fields for name, item in FORMATS.items() if item.fields}
-    share = {name: len(words.intersection(own)) / len(own) for name, own in fields.items()}
-    best = max(share, key=lambda name: share[name])
-    if share[best] < _LEAST_SHARE:
-        return ""
-    missing = [field for field in fields[best] if field not in words]
-    lacks = f"lacks {', '.join(missing)}" if missing else f"try --from {best}"
-    return f"; nearest is {best} ({FORMATS[best].about}): {lacks}"
 
 
 def _keys_of(path: Path, head: str) -> list[str]:
