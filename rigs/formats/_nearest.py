@@ -27,8 +27,6 @@ FIELDS = {
     "pix4d": "fileName imageWidth imageHeight camera matrix K radial",
     "nerfstudio": "camera_path camera_to_world fov render_width render_height",
 }
-#: Fraction of a format's fields that makes a file like it: below half any file is like some.
-_LEAST_SHARE = 0.5
 
 
 def nearest(head: str, about: Mapping[str, str]) -> str:
@@ -45,7 +43,7 @@ def nearest(head: str, about: Mapping[str, str]) -> str:
     missing = {name: [w for w in own.split() if w not in words] for name, own in FIELDS.items()}
     share = {name: 1 - len(lost) / len(FIELDS[name].split()) for name, lost in missing.items()}
     best = max(share, key=lambda name: share[name])
-    if share[best] < _LEAST_SHARE:
+    if share[best] < 1 / 2:  # with less than half, any file is like some format
         return ""
     lacks = f"lacks {', '.join(missing[best])}" if missing[best] else f"try --from {best}"
     return f"; nearest is {best} ({about[best]}): {lacks}"

@@ -8,7 +8,7 @@ its corner), (0.5, 0.5) the centre of the top-left pixel. Lenses are ``type``, o
 ``distortionType``: none, radial k1 and k3, brown (OpenCV's k1 k2 k3 p1 p2) and fisheye4 (OpenCV's
 fisheye); others, equidistant cameras and lenses given by their undistortion are refused. A view's
 camera is its image's folder, else the image itself. Views without a pose are left out with a
-warning; views of rigs need the pose of each view. Lengths have no unit. Sources:
+warning; views with their rig's pose alone are refused. Lengths have no unit. Sources:
 ``src/aliceVision/sfmDataIO/jsonIO.cpp`` and ``src/aliceVision/camera`` at
 https://github.com/alicevision/AliceVision.
 """
@@ -83,6 +83,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             with errors_of(f"view {number}"):
                 if not isinstance(name, str):
                     raise ValueError(f"path: found {shortened(name)}, expected an image's name")
+                if view.get("isPoseIndependant", "true") not in ("true", "1", True):
+                    found = shortened(view["isPoseIndependant"])
+                    raise ValueError(f"isPoseIndependant: found {found}, expected a pose of its "
+                                     "own, not its rig's")  # fmt: skip
                 lens, pose = (str(view.get(key)) for key in ("intrinsicId", "poseId"))
                 if pose not in poses or lens not in lenses:
                     views.lost.append(name or number)
@@ -142,7 +146,7 @@ def _pair(found: object, what: str) -> np.ndarray:
 def _lens(entry: Mapping[str, Any]) -> Any:
     """Return the lens of an intrinsic."""
     kind, bent = entry.get("type"), entry.get("distortionType", "none")
-    straightened = entry.get("undistortionType", "none")
+    straightened = entry.get("undistortionParams") or entry.get("undistortionType", "none")
     name = bent if kind == "pinhole" and bent != "none" else kind
     if name not in _LENSES or straightened != "none":
         raise ValueError(

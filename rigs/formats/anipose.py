@@ -35,6 +35,7 @@ from rigs.formats._values import (
     errors_of_file,
     flat,
     required,
+    usable_name,
 )
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
@@ -87,7 +88,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         if lost:
             logger.warning("%s: left out %d cameras without a pose: %s", path, len(lost),
                            ", ".join(lost))  # fmt: skip
-        cameras = [_camera(key, entry) for key, entry in entries.items() if key not in lost]
+        cameras = [_camera(key, entry, path) for key, entry in entries.items() if key not in lost]
         return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
 
 
@@ -112,9 +113,10 @@ def _tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     }
 
 
-def _camera(key: str, entry: Mapping[str, Any]) -> Camera:
+def _camera(key: str, entry: Mapping[str, Any], path: Path) -> Camera:
     """Return the camera of a table."""
     name = str(entry.get("name", f"cam{key}" if key.isdecimal() else key))
+    name = usable_name(name, path)
     with errors_of(f"camera {name}"):
         K = as_array(required(entry, "matrix"), (3, 3), "matrix")
         fisheye = entry.get("fisheye", False) is True

@@ -46,6 +46,7 @@ _MODELS: dict[str, tuple[str | None, ...]] = {
     "fisheye": ("k1", "k2", None, None),
     "fisheye_opencv": ("k1", "k2", "k3", "k4"),
 }
+_COEFFICIENTS = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"}
 _FIELDS = {
     "image_size": "camera",
     "distortion": "camera",
@@ -97,6 +98,9 @@ def _camera(key: str, entry: object, shot: Mapping[str, Any]) -> Camera:
             raise ValueError(
                 f"projection_type: found {shortened(kind)}, expected one of {', '.join(_MODELS)}"
             )
+        for key in sorted(entry.keys() & _COEFFICIENTS - set(_MODELS[kind])):
+            if as_number(entry[key], key) != 0:
+                raise ValueError(f"{key}: found {entry[key]}, expected 0 for {kind}")
         values = [0.0 if k is None else as_number(entry.get(k, 0.0), k) for k in _MODELS[kind]]
         lens = from_vector(values, kind.startswith("fisheye"), "camera")
         width, height = (as_count(required(entry, side), side) for side in ("width", "height"))

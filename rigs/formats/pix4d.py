@@ -10,6 +10,7 @@ and external camera parameters defined" at https://support.pix4d.com.
 
 from __future__ import annotations
 
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -22,7 +23,6 @@ from rigs.formats._views import Views
 from rigs.rig import Rig
 
 _HEAD = "fileName imageWidth imageHeight"
-_SECTION = 10  # lines an image
 _FIELDS = {
     "image_size": "imageWidth, imageHeight",
     "distortion": "distortion",
@@ -51,21 +51,20 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         start = next((i for i, line in enumerate(lines) if line.startswith("camera model")), None)
         if start is None:
             raise ValueError("camera model: missing, expected it as the last line of the head")
-        sections = lines[start + 1 :]
-        if len(sections) % _SECTION:
-            raise ValueError(f"found {len(sections)} lines after the head, expected ten an image")
-        views = Views(path, _FIELDS)
-        for first in range(0, len(sections), _SECTION):
-            name, *size = sections[first].rsplit(maxsplit=2)
+        views, rest = Views(path, _FIELDS), iter(lines[start + 1 :])
+        for first in rest:
+            name, *size = first.rsplit(maxsplit=2)
             with errors_of(f"image {name}"):
-                views.add(name, _camera(size, sections[first + 1 : first + _SECTION]))
+                views.add(name, _camera(size, list(islice(rest, 9))))
         return views.rig()
 
 
 def _camera(size: list[str], lines: list[str]) -> Camera:
     """Return the camera of an image's lines, under a placeholder name."""
-    if len(size) != 2:
-        raise ValueError(f"found {shortened(size)}, expected a name, a width and a height")
+    if len(size) != 2 or len(lines) != 9:
+        raise ValueError(
+            f"found {shortened(size)} and {len(lines)} lines, expected a width, a height and nine"
+        )
     width, height = (as_count(word, "imageWidth, imageHeight") for word in size)
     words = [line.split() for line in lines]
     K = np.array(as_array(words[:3], (3, 3), "camera matrix K"))

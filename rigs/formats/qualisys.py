@@ -38,7 +38,6 @@ from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-_SUBPIXELS = 64.0
 _TO_OPENCV = np.diag([1.0, -1.0, -1.0])
 _LENS = (
     "radialDistortion1",
@@ -98,7 +97,7 @@ def _camera(name: str, element: Element, by_rows: bool) -> Camera:
         )
         size = as_count(right - left + 1, "fov_video"), as_count(bottom - top + 1, "fov_video")
         fx, fy, u, v, skew = (
-            _number(element, "intrinsic", key) / _SUBPIXELS
+            _number(element, "intrinsic", key) / 64  # subpixels
             for key in ("focalLengthU", "focalLengthV", "centerPointU", "centerPointV", "skew")
         )
         lens = from_vector(

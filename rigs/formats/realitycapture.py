@@ -29,7 +29,6 @@ from rigs.formats._views import Views
 from rigs.geometry.rotation import matrix_of_angles
 from rigs.rig import Rig
 
-_FILM = 36.0  # mm
 _POSE = ("x", "y", "alt", "heading", "pitch", "roll", "f")
 _FIELDS = {
     "image_size": "image",
@@ -90,7 +89,7 @@ def _camera(entry: Mapping[str, str], size: tuple[int, int], lens: tuple[float, 
     )
     k1, k2, k3, _, p1, p2 = lens
     distortion = from_vector([k1, k2, p1, p2, k3], False, "k1 ... t2")
-    fx = f * longer / _FILM
+    fx = f * longer / 36  # mm of film
     K = [[fx, 0.0, cx], [0.0, fx, cy], [0.0, 0.0, 1.0]]
     return Camera("line", size, K, distortion, R, -R @ [x, y, z], status="calibrated")
 

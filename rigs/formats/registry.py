@@ -89,8 +89,6 @@ FORMATS: dict[str, Format] = {
     )
 }
 
-#: Files of a folder that are looked into: a rig's folder has few; thousands would take seconds.
-_MOST_FILES = 100
 _OURS = (".yaml", ".yml")
 _OUR_KEYS = {"format", "version", "cameras", "length_unit", "convention", "world_frame", "volume"}
 
@@ -149,7 +147,8 @@ def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None
         for file in sorted(path.iterdir())
         if file.is_file() and file.suffix.lower() not in IMAGE_SUFFIXES
     ]
-    known = [(file, name) for file in files[:_MOST_FILES] if (name := _format_of(file, choices))]
+    # a rig's folder has few files; to look into thousands, a frame each, would take seconds
+    known = [(file, name) for file in files[:100] if (name := _format_of(file, choices))]
     if len(known) > 1:
         listed = ", ".join(f"{file.name} ({name})" for file, name in known[:6])
         raise ValueError(f"{path}: found {len(known)} rigs, {listed}, expected one of them as IN")

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 _LENSES, _POSES = "intri", "extri"
+_BY_PATTERN = "; cameras are called alike by --pattern, like '*_{camera}_img/{frame}.*'"
 
 
 def check_not_split(folder: Path, are_lenses_given: bool = False) -> None:
@@ -34,12 +35,7 @@ def check_not_split(folder: Path, are_lenses_given: bool = False) -> None:
     if lenses is None or poses is None:
         return
     cameras = [{path.name for path in one.iterdir() if path.is_dir()} for one in (lenses, poses)]
-    alike = (
-        ""
-        if cameras[0] == cameras[1]
-        else "; where the cameras' folders are not named alike, --pattern tells, like "
-        "'*_{camera}_img/{frame}.*'"
-    )
+    alike = "" if cameras[0] == cameras[1] else _BY_PATTERN
     raise ValueError(
         f"{folder}: found images of lenses in {lenses.name} and of poses in {poses.name}, "
         f"expected each as what it is: {poses} as IMAGES and --intrinsics-images {lenses}{alike}"

@@ -421,7 +421,7 @@ def test_pose2sims_folders_are_told_apart_at_once(refused, few, tmp_path, given)
         f"{folder / 'extrinsics'} as IMAGES and --intrinsics-images {folder / 'intrinsics'}"
         in (line)
     )
-    assert "--pattern tells, like '*_{camera}_img/{frame}.*'" in line
+    assert "called alike by --pattern, like '*_{camera}_img/{frame}.*'" in line
 
 
 def test_lens_images_of_no_camera(refused, few, tmp_path):
