@@ -148,7 +148,7 @@ def _lens(entry: Mapping[str, Any]) -> Any:
     kind, bent = entry.get("type"), entry.get("distortionType", "none")
     straightened = entry.get("undistortionParams") or entry.get("undistortionType", "none")
     name = bent if kind == "pinhole" and bent != "none" else kind
-    if name not in _LENSES or straightened != "none":
+    if not isinstance(name, str) or name not in _LENSES or straightened != "none":
         raise ValueError(
             f"type: found {shortened(name)}, undistorted by {shortened(straightened)}, expected "
             f"one of {', '.join(_LENSES)}, undistorted by 'none'"

@@ -324,6 +324,7 @@ SCENE = json.dumps(opensfm())
         ("a.sfm", SFM, '"brown", "distortionParams": ["-0.12", ', '"brown", "distortionParams": [',
          "view 10: intrinsics 30: distortionParams: found 4 numbers, expected 5"),
         ("a.sfm", SFM, '"center": [', '"center": ["far", ', "view 10: pose 20: center: found"),
+        ("a.sfm", SFM, '"type": "brown"', '"type": []', "view 10: intrinsics 30: type: found []"),
         ("a.sfm", SFM, '"23.5"', '"0"', "view 10: intrinsics 30: sensorWidth, pixelRatio: found"),
         ("t.json", json.dumps(open3d()), '"extrinsic"', '"pose"', "camera camera0: extrinsic: mi"),
         ("p.txt", pix4d(), "0 0 1\n", "", "image DSC 00.JPG: radial distortion: found"),
