@@ -35,18 +35,19 @@ def directions(
 ) -> NDArray[np.float64]:
     """Return unit vectors ``(N, 3)`` seen at ``plane`` ``(N, 2)``, in focal lengths; or NaN."""
     q = (plane**2).sum(axis=1)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(all="ignore"):
+        values = np.array(parameters, np.float64)  # a float of Python raises on overflow
         if model == "omni":
-            (xi,) = parameters
+            (xi,) = values
             gain, forward, shift = (xi + np.sqrt(1 + (1 - xi**2) * q)) / (q + 1), 1.0, xi
         elif model == "ds":
-            xi, alpha = parameters
+            xi, alpha = values
             root = np.sqrt(1 - (2 * alpha - 1) * q)
             forward = (1 - alpha**2 * q) / (alpha * root + 1 - alpha)
             gain = forward * xi + np.sqrt(forward**2 + (1 - xi**2) * q)
             gain, shift = gain / (forward**2 + q), xi
         else:
-            alpha, beta = parameters
+            alpha, beta = values
             root = np.sqrt(1 - (2 * alpha - 1) * beta * q)
             forward = (1 - beta * alpha**2 * q) / (alpha * root + 1 - alpha)
             gain, shift = 1.0, 0.0

@@ -10,8 +10,8 @@ Some programs write the transpose. Where axes meet in front of the cameras by th
 that is read, with a warning. Cameras with ``active="0"`` are left out with a warning; so a turned
 view (``viewrotation``) is named, as pixels are taken as on the sensor. Sources:
 https://docs.theiamarkerless.com/theia3d-documentation/data-formats/calibration-files;
-``read_qca`` of ``Pose2Sim/calibration.py`` at https://github.com/perfanalytics/pose2sim, from which
-this differs in the distortion: it is of no unit, and not divided by 64.
+``read_qca`` of ``Pose2Sim/calibration.py`` at https://github.com/perfanalytics/pose2sim, which
+divides the distortion by 64 as well; it has no unit, and is taken as it is.
 """
 
 from __future__ import annotations

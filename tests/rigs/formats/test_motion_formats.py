@@ -217,6 +217,7 @@ def test_basalt(assert_projects, tmp_path, kind):
         ("sensor.yaml", sensor_yaml(TRUTHS[0], "fov", (1, 2, 3, 4)), "x", "x",
          "distortion_model: found 'fov', expected one of radial-tangential, radtan, equidistant"),
         ("a.json", json.dumps(basalt()[0]), '"kb4"', '"fov"', "camera cam1: camera_type: found"),
+        ("a.json", json.dumps(basalt()[0]), '"xi": -0.2', '"xi": 1e200', "camera cam2: "),
         ("a.json", json.dumps(basalt()[0]), '"qw"', '"w"', "camera cam0: qw: missing"),
         ("a.json", json.dumps(basalt()[0]), "[640, 480], ", "", "T_imu_cam, intrinsics, res"),
     ],
