@@ -14,6 +14,7 @@ from rigs.calibrate.adjust.film import frame_times
 from rigs.calibrate.calibration import calibrate
 from rigs.calibrate.detect.detect import Detections, ImageSet, detections
 from rigs.calibrate.detect.image_sets import image_set, notes_of
+from rigs.calibrate.detect.split_sets import check_not_split
 from rigs.calibrate.options import check_lens_options, check_options, common_lenses
 from rigs.calibrate.result import Calibration
 from rigs.calibrate.targets.boards import Target
@@ -89,6 +90,8 @@ def calibrate_rig(
             return source
         return image_set(source, every, notes.append, pattern=pattern, are_mosaics=mosaics)
 
+    if not isinstance(images, Mapping) and pattern is None:
+        check_not_split(Path(images), intrinsics is not None or intrinsics_images is not None)
     found = read(images)
     frames = list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))
     known = {name: how[name] for name in _EARLY if name in how}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -54,6 +54,11 @@ def read_sensors(lines: list[str]) -> dict[int, tuple[NDArray, NDArray]]:
         if count < len(poses):
             raise ValueError(f"NUM_SENSORS: found {count}, expected {len(poses)}")
     return poses
+
+
+def has_several_sensors(lines: Iterable[str]) -> bool:
+    """Return whether a rig has sensors beside its reference; a broken line counts as one."""
+    return any(line.split()[1:2] != ["1"] for line in lines if line.strip())
 
 
 def rig_texts(rig: Rig, pose_text: Callable[[NDArray, NDArray], str]) -> dict[str, str]:

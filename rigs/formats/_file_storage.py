@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 from xml.etree.ElementTree import Element
 
+import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.text import read_json_mapping, read_text, shortened, yaml_mapping
@@ -97,9 +98,23 @@ def first(entry: Mapping[str, Any], keys: tuple[str, ...]) -> str | None:
 
 
 def _plain(found: object, what: str) -> object:
-    """Return the rows of a matrix in OpenCV's form or as plain lists."""
+    """Return the rows of a matrix in OpenCV's form or as plain lists.
+
+    ``cv2.FileStorage`` writes an array of one dimension as ``sizes`` and ``data``.
+    """
     if not isinstance(found, dict):
         return found
+    if found.get("sizes") is not None:
+        data, sizes = (
+            flat(found.get("data"), f"{what}.data"),
+            flat(found["sizes"], f"{what}.sizes"),
+        )
+        if len(sizes) > 2 or np.prod(sizes) != len(data):
+            raise ValueError(
+                f"{what}.sizes: found {shortened(found['sizes'])} and {len(data)} numbers, "
+                "expected one or two sizes of as many"
+            )
+        return data.reshape(sizes.astype(int))
     rows, columns = (as_count(found.get(key), f"{what}.{key}") for key in ("rows", "cols"))
     data = as_array(found.get("data"), (None,), f"{what}.data")
     if len(data) != rows * columns:

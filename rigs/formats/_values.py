@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -14,6 +15,8 @@ from numpy.typing import NDArray
 
 from rigs.files.text import shortened
 from rigs.geometry.rotation import rotation
+
+logger = logging.getLogger(__name__)
 
 _HEAD = 65536  # bytes
 _RIGID = 1e-4  # deviation from orthonormal of rotations stored with few digits
@@ -75,6 +78,15 @@ def as_mapping(found: object, what: str) -> dict[str, Any]:
     if not isinstance(found, dict):
         raise ValueError(f"{what}: found {shortened(found)}, expected a mapping")
     return found
+
+
+def usable_name(name: str, path: PathLike) -> str:
+    """Return a camera's name without slashes, which could name no folder; a warning says so."""
+    usable = name.replace("/", "_").replace("\\", "_")
+    if usable != name:
+        logger.warning("%s: camera %s: called %s, as names are without slashes", path,
+                       shortened(name), usable)  # fmt: skip
+    return usable
 
 
 def required(values: Mapping[str, Any], key: str, expected: str = "it in the file") -> Any:

@@ -2,18 +2,110 @@
 
 from __future__ import annotations
 
+import logging
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
 import numpy as np
 
 from rigs.camera import Camera
-from rigs.camera_protocol import LensCamera
+from rigs.camera_protocol import CameraLike, LensCamera
+from rigs.files.text import shortened
+from rigs.files.units import UNKNOWN
+from rigs.formats._image_size import check_tables
+from rigs.rig import Rig
+
+logger = logging.getLogger(__name__)
 
 Frames = list[tuple[str, dict[str, Path]]]
+
+
+@dataclass
+class Views:
+    """The images of a file with their cameras, collected one by one.
+
+    Parameters
+    ----------
+    path : Path
+        The file; ``fields`` are its names of a camera's fields, for errors.
+    fields : mapping
+
+    Examples
+    --------
+    >>> Views(Path("sfm.json"), {}).images
+    []
+    """
+
+    path: Path
+    fields: Mapping[str, str]
+    images: list[PurePosixPath] = field(default_factory=list)
+    cameras: list[Camera] = field(default_factory=list)
+    sensors: list[object] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
+    finish: list[Callable[[Camera], CameraLike]] = field(default_factory=list)
+
+    def add(
+        self,
+        image: str,
+        camera: Camera,
+        sensor: object = None,
+        finish: Callable[[Camera], CameraLike] | None = None,
+    ) -> None:
+        """Add an image and its camera under a placeholder name.
+
+        ``sensor`` names the physical camera where the file does, see `named`; ``finish``, a
+        function or its `functools.partial` with keywords, makes a table of rays where no lens
+        holds the camera's.
+        """
+        path = PurePosixPath(image.strip().replace("\\", "/"))
+        if not path.name:
+            raise ValueError(f"found {shortened(image)}, expected an image's name")
+        known = re.fullmatch(r"\.[A-Za-z]\w{1,4}", path.suffix)  # cam1.5 has no ending
+        self.images.append(path if known else path.with_name(f"{path.name}.png"))
+        self.cameras.append(camera)
+        self.sensors.append(sensor)
+        self.finish.append(finish or _unchanged)
+
+    def rig(self, unit: str = UNKNOWN, frame: str | None = None) -> Rig:
+        """Return the rig of the images; those in ``lost``, without a pose, are named.
+
+        Raises
+        ------
+        ValueError
+            If no image has a pose, or those of one camera differ.
+        """
+        if not self.images:
+            raise ValueError(f"found a pose of none of {len(self.lost)} views, expected some")
+        if self.lost:
+            logger.warning("%s: left out %d views without a pose: %s", self.path, len(self.lost),
+                           shortened(", ".join(self.lost)))  # fmt: skip
+        given, stem = [None] * len(self.images), self.path.stem
+        sensors = None if None in self.sensors else self.sensors
+        names, frames = named(self.images, self.cameras, given, stem, sensors)
+        folder = self.path.parent
+        found, _ = grouped(folder, self.images, self.cameras, names, frames, self.fields)
+        finish = dict(zip(reversed(names), reversed(self.finish), strict=True))
+        for name, other in zip(names, self.finish, strict=True):
+            if _parts(other) != _parts(finish[name]):
+                raise ValueError(f"camera {name}: {self.fields['distortion']}: differs between "
+                                 "its images, expected the same in all")  # fmt: skip
+        cameras: list[CameraLike] = []
+        for camera in found:
+            cameras.append(finish[camera.name](camera))
+            check_tables(cameras)
+        return Rig(tuple(cameras), unit, frame or f"as in {self.path.name}")
+
+
+def _parts(finish: Callable) -> tuple[object, ...]:
+    """Return what makes two partial functions the same."""
+    return getattr(finish, "func", finish), getattr(finish, "keywords", None)
+
+
+def _unchanged(camera: Camera) -> CameraLike:
+    return camera
 
 
 def named(
@@ -21,6 +113,7 @@ def named(
     cameras: Sequence[Camera],
     given: Sequence[str | None],
     file_stem: str,
+    sensors: Sequence[object] | None = None,
 ) -> tuple[list[str], list[str]]:
     """Return each image's camera name and frame name.
 
@@ -29,6 +122,9 @@ def named(
     cameras differ: each image is then a camera, and all belong to one frame, ``file_stem``.
     Images of equal pose and lens among those are moments of one camera: see `_moments`.
 
+    ``sensors`` tells, where a file does, which images one physical camera took. Where all folders
+    are of one that moved between the images of a folder, every image is a camera too.
+
     Raises
     ------
     ValueError
@@ -36,7 +132,11 @@ def named(
     """
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}
-    alone = len(folders) == 1 and any(difference(cameras[i], cameras[unnamed[0]]) for i in unnamed)
+    first = {images[i].parent: cameras[i] for i in reversed(unnamed)}
+    has_moved = any(difference(cameras[i], first[images[i].parent]) for i in unnamed)
+    is_one_sensor = sensors is not None and len(set(sensors)) == 1
+    alone = has_moved and (len(folders) == 1 or is_one_sensor)
+    stems = Counter(images[i].stem for i in unnamed)
     flat = [i for i in unnamed if alone or not images[i].parent.name]
     moments = dict(
         zip(flat, _moments([images[i] for i in flat], [cameras[i] for i in flat]), strict=False)
@@ -51,7 +151,8 @@ def named(
             names.append(moments[index][0])
             frame_names.append(moments[index][1])
         elif alone or not image.parent.name:
-            names.append(image.stem)
+            is_clear = stems[image.stem] == 1 or len(folders) == 1
+            names.append(image.stem if is_clear else "_".join(image.with_suffix("").parts))
             frame_names.append(file_stem)
         else:
             folder = image.parent  # all of its parts where another folder ends the same
@@ -128,7 +229,8 @@ def grouped(
         if field:
             raise ValueError(
                 f"camera {name}: {fields[field]}: differs between {first_image} and {image}, "
-                "expected the same in all its entries"
+                "expected the same in all its entries: where cameras moved round a still scene, "
+                "put their images into one folder, which makes each image a camera"
             )
         views = frames.setdefault(frame, {})
         if name in views:
@@ -140,10 +242,10 @@ def grouped(
 
 def difference(camera: LensCamera, other: LensCamera) -> str:
     """Return the name of the first field in which two cameras differ, or nothing."""
-    for field in ("image_size", "distortion"):
-        if getattr(camera, field) != getattr(other, field):
-            return field
-    for field in ("camera_matrix", "R", "t"):
-        if not np.allclose(getattr(camera, field), getattr(other, field), rtol=1e-9, atol=1e-12):
-            return field
+    for name in ("image_size", "distortion"):
+        if getattr(camera, name) != getattr(other, name):
+            return name
+    for name in ("camera_matrix", "R", "t"):
+        if not np.allclose(getattr(camera, name), getattr(other, name), rtol=1e-9, atol=1e-12):
+            return name
     return ""

@@ -4,7 +4,9 @@ Read only. A camera is a table, of any name, of ``name, size, matrix, distortion
 translation, fisheye``; caliscope's ``camera_array.toml`` has them in ``[cameras.0] ...``, named by
 their numbers, some of them with ``ignore = true``. A table with some of ``matrix, distortions,
 rotation, translation`` that lacks another is an error; tables with none of them, like
-``[metadata]``, are no cameras. ``x_cam = R(rotation) @ x_world +
+``[metadata]``, are no cameras, and neither are the pairs ``[stereo_0_1]`` of older caliscope, with
+a pose alone. Cameras without ``rotation`` and ``translation`` (or ``"null"``), which caliscope
+could not place, are left out with a warning. ``x_cam = R(rotation) @ x_world +
 translation``, rotation as OpenCV's rvec or a 3 x 3 matrix; pixel centres at integers; lengths in
 the unit of the board, which the files do not name.
 Source: ``aniposelib/cameras.py`` at https://github.com/lambdaloop/aniposelib and
@@ -13,6 +15,7 @@ Source: ``aniposelib/cameras.py`` at https://github.com/lambdaloop/aniposelib an
 
 from __future__ import annotations
 
+import logging
 import re
 import tomllib
 from collections.abc import Mapping
@@ -32,10 +35,15 @@ from rigs.formats._values import (
     errors_of_file,
     flat,
     required,
+    usable_name,
 )
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
 
+logger = logging.getLogger(__name__)
+
+_POSE = ("rotation", "translation")
+_PAIR = re.compile(r"stereo_.+_.+")
 _OF_CAMERAS = {"matrix", "distortions", "rotation", "translation"}
 _DEEP_KEY = r"(?<![^\s.,=\[\]{}])(?:[^\s.,=\[\]{}]++[ \t]*+\.[ \t]*+){32}"
 
@@ -71,7 +79,16 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
                 f"cameras: found none in {', '.join(map(str, data)) or 'no tables'}, expected "
                 "tables like [cam_0] or [cameras.0] of matrix, distortions, rotation, translation"
             )
-        cameras = [_camera(key, entry) for key, entry in entries.items()]
+        lost = [key for key, entry in entries.items() if not any(map(entry.get, _POSE))]
+        if len(lost) == len(entries):
+            raise ValueError(
+                f"rotation, translation: found neither in any of {len(lost)} cameras, expected "
+                "both: the cameras' poses are not calibrated yet"
+            )
+        if lost:
+            logger.warning("%s: left out %d cameras without a pose: %s", path, len(lost),
+                           ", ".join(lost))  # fmt: skip
+        cameras = [_camera(key, entry, path) for key, entry in entries.items() if key not in lost]
         return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
 
 
@@ -87,17 +104,19 @@ def _tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
         for key, table in data.items()
         if isinstance(table, dict)
         and (table.keys() & _OF_CAMERAS or re.fullmatch(r"cam(era)?_?\d+", key))
+        and not _PAIR.fullmatch(key)
     }
     return {
-        key: table
+        key: {name: None if value == "null" else value for name, value in table.items()}
         for key, table in {**listed, **others}.items()
         if table.get("ignore") is not True
     }
 
 
-def _camera(key: str, entry: Mapping[str, Any]) -> Camera:
+def _camera(key: str, entry: Mapping[str, Any], path: Path) -> Camera:
     """Return the camera of a table."""
     name = str(entry.get("name", f"cam{key}" if key.isdecimal() else key))
+    name = usable_name(name, path)
     with errors_of(f"camera {name}"):
         K = as_array(required(entry, "matrix"), (3, 3), "matrix")
         fisheye = entry.get("fisheye", False) is True

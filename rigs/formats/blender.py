@@ -40,6 +40,7 @@ from rigs.formats._values import (
     errors_of_file,
     flat,
     rotation_of_motion,
+    usable_name,
 )
 from rigs.geometry.rotation import matrix_of_quaternion
 from rigs.rig import Rig
@@ -88,7 +89,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         for key, entry in entries:
             with errors_of(f"camera {key}"):
                 values = {**shared, **as_mapping(entry, "entry")}
-            name = _name(key, entry)
+            name = usable_name(_name(key, entry), path)
             with errors_of(f"camera {name}"):
                 size, K = _intrinsics(values, image_size)
                 R, t = _pose(values)

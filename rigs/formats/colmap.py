@@ -7,9 +7,10 @@ camera models; FOV, DIVISION and EUCM become tables of rays.
 An image's camera is its folder, else the image itself, as in ``transforms.json``. A folder whose
 images stand in different places belongs to a moving rig: then ``rigs`` is read, and the world is
 the axes of the rig's reference sensor. Without ``images`` too; sensors are then named by their
-numbers. A project's folder is read through its ``sparse``, and a folder with a model of each kind
-where both say the same. Written are the cameras as sensors of one rig, as text, seen in one frame,
-one image ``<camera>.png`` each.
+numbers. Where no rig has several sensors, or one camera took all images, cameras moved round a
+still scene, and every image is a camera. A project's folder is read through its ``sparse``, and a
+folder with a model of each kind where both say the same. Written are the cameras as sensors of one
+rig, as text, seen in one frame, one image ``<camera>.png`` each.
 https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
 """
 
@@ -27,7 +28,7 @@ from rigs.files.text import iter_lines, shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._colmap_binary import text_of
 from rigs.formats._colmap_lenses import MODELS, Sensor, read_sensor
-from rigs.formats._colmap_rigs import read_sensors, rig_texts
+from rigs.formats._colmap_rigs import has_several_sensors, read_sensors, rig_texts
 from rigs.formats._image_size import check_tables
 from rigs.formats._lens import named_model, refuse_skew, refuse_tables
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
@@ -88,8 +89,12 @@ def _load(folder: Path, ending: str) -> Rig:
         if not views:
             raise ValueError("found no images, expected at least one")
         images, cameras, numbers = zip(*views, strict=True)
-        names, frames = named(images, cameras, [None] * len(images), folder.name or "frame")
-        if rigs.is_file() and _is_moving(names, cameras):
+        is_rig = rigs.is_file() and has_several_sensors(_lines(rigs))
+        # since 3.12 a camera by itself is a rig of one: rigs of one sensor are no moving rig
+        taken_by = None if is_rig else [0] * len(images) if rigs.is_file() else numbers
+        stem = folder.name or "frame"
+        names, frames = named(images, cameras, [None] * len(images), stem, taken_by)
+        if is_rig and _is_moving(names, cameras):
             return _rig_of_sensors(rigs, sensors, dict(zip(numbers, names, strict=True)))
         found, _ = grouped(folder, images, cameras, names, frames, _FIELDS)
         lenses: dict[str, Sensor] = {}

@@ -14,11 +14,10 @@ https://github.com/graphdeco-inria/gaussian-splatting.
 from __future__ import annotations
 
 import re
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from rigs.camera import Camera
 from rigs.files.text import read_json, shortened
-from rigs.files.units import UNKNOWN
 from rigs.formats._values import (
     as_array,
     as_count,
@@ -29,7 +28,7 @@ from rigs.formats._values import (
     errors_of_file,
     required,
 )
-from rigs.formats._views import grouped, named
+from rigs.formats._views import Views
 from rigs.rig import Rig
 
 _FOREIGN = re.compile(r"c[xy]|[kp]\d|skew|.*(?:dist|principal|model).*", re.IGNORECASE)
@@ -64,16 +63,14 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     with errors_of_file(path):
         if not isinstance(data, list) or not data:
             raise ValueError(f"found {shortened(data)}, expected a list of cameras")
-        views = [_view(index, entry) for index, entry in enumerate(data)]
-        images = [image for image, _ in views]
-        cameras = [camera for _, camera in views]
-        names, frames = named(images, cameras, [None] * len(images), path.stem)
-        found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
-        return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
+        views = Views(path, _FIELDS)
+        for index, entry in enumerate(data):
+            views.add(*_view(index, entry))
+        return views.rig()
 
 
-def _view(index: int, entry: object) -> tuple[PurePosixPath, Camera]:
-    """Return an entry's image, with an ending, and its camera under a placeholder name."""
+def _view(index: int, entry: object) -> tuple[str, Camera]:
+    """Return an entry's image and its camera under a placeholder name."""
     with errors_of(f"[{index}]"):
         entry = as_mapping(entry, "entry")
         name = entry.get("img_name")
@@ -92,5 +89,4 @@ def _view(index: int, entry: object) -> tuple[PurePosixPath, Camera]:
         position = as_array(required(entry, "position"), (3,), "position")
         K = [[fx, 0.0, (width - 1) / 2], [0.0, fy, (height - 1) / 2], [0.0, 0.0, 1.0]]
         camera = Camera("camera", (width, height), K, R=R, t=-R @ position, status="calibrated")
-    image = PurePosixPath(name.strip().replace("\\", "/"))
-    return image if image.suffix else image.with_name(f"{image.name}.png"), camera
+    return name, camera

@@ -23,8 +23,7 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_yaml_mapping, shortened
-from rigs.formats._image_size import check_table_size
-from rigs.formats._sphere_models import PARAMETERS, directions
+from rigs.formats._sphere_models import PARAMETERS, table_of
 from rigs.formats._values import (
     as_array,
     as_mapping,
@@ -35,7 +34,6 @@ from rigs.formats._values import (
     rotation_of_motion,
 )
 from rigs.lens import Distortion
-from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 #: Permitted distortion models of each camera model, with their names in `rigs.lens`.
@@ -116,14 +114,10 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
         else:
             given = as_array(required(entry, "distortion_coeffs"), (4,), "distortion_coeffs")
             distortion = Distortion(_LENSES[model][lens], tuple(given))
-        if model != "pinhole":
-            check_table_size(size)
     R, t = pose[:3, :3], pose[:3, 3]
     K = [[fu, 0.0, pu], [0.0, fv, pv], [0.0, 0.0, 1.0]]
     camera = Camera(name, size, K, distortion, R, t, status="calibrated")
     if model == "pinhole":
         return camera
-    behind_lens = camera.rays()[1] @ R.T  # the model's own image plane, at depth one
-    plane = behind_lens[:, :2] / behind_lens[:, 2:]
-    seen = directions(model, intrinsics[:count], plane) @ R
-    return RayTable(name, camera.position, seen.reshape(*size[::-1], 3), status="calibrated")
+    with errors_of(f"camera {name}"):
+        return table_of(camera, model, intrinsics[:count])

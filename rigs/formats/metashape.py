@@ -23,7 +23,8 @@ from __future__ import annotations
 import logging
 import re
 from dataclasses import dataclass
-from pathlib import Path, PurePosixPath
+from functools import partial
+from pathlib import Path
 from xml.etree.ElementTree import Element
 
 import numpy as np
@@ -34,7 +35,6 @@ from rigs.camera_protocol import CameraLike
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.files.xml_file import read_xml
-from rigs.formats._image_size import check_tables
 from rigs.formats._metashape_lens import table_of
 from rigs.formats._values import (
     as_array,
@@ -45,9 +45,8 @@ from rigs.formats._values import (
     errors_of_file,
     rotation_of_motion,
 )
-from rigs.formats._views import grouped, named
+from rigs.formats._views import Views
 from rigs.lens import Distortion
-from rigs.recordings import IMAGE_SUFFIXES
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -69,7 +68,6 @@ _FIELDS = {
 _METRES = re.compile(
     r'^\s*(?:GEOGCS|PROJCS|GEOCCS|COMPD_CS|LOCAL_CS.*UNIT\["metre",1[,.\]])', re.S
 )
-_RAW = (".dng", ".cr2", ".cr3", ".nef", ".arw", ".raw")
 Similarity = tuple[float, NDArray[np.float64], NDArray[np.float64]]
 
 
@@ -112,8 +110,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         chunk = chunks[0]
         sensors = {e.get("id"): e for e in chunk.iterfind("sensors/sensor")}
         worlds = {e.get("id"): e.find("transform") for e in chunk.iterfind("components/component")}
-        lenses = {}
-        images, cameras, lost, scaled = [], [], [], set()
+        views, lost, scaled = Views(path, _FIELDS), [], set()
         for element in chunk.iterfind("cameras//camera"):
             label = element.get("label") or f"camera{element.get('id')}"
             is_posed, is_on = element.find("transform") is not None, element.get("enabled")
@@ -129,21 +126,14 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
                 world = worlds.get(element.get("component_id"))
                 world = chunk.find("transform") if world is None else world
                 scaled.add(world is not None)
-                camera, lens = _camera(element, sensors, _similarity(world))
-                cameras.append(camera)
-                images.append(_image(label))
-                lenses[len(images) - 1] = lens
+                camera, sensor = _camera(element, sensors, _similarity(world))
+                finish = partial(_with_rays, sensor=sensor)
+                views.add(label.strip().lstrip("/\\") or "camera", camera, None, finish)
                 _report_orientation(path, label, element.findtext("orientation"))
-        _check(path, images, lost, scaled)
-        names, frames = named(images, cameras, [None] * len(images), path.stem)
-        found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
+        _check(path, views.images, lost, scaled)
         frame = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
-        rays: list[CameraLike] = []
-        for camera in found:
-            rays.append(_with_rays(camera, lenses[names.index(camera.name)]))
-            check_tables(rays)
         is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
-        return Rig(tuple(rays), "m" if is_metric else UNKNOWN, frame)
+        return views.rig("m" if is_metric else UNKNOWN, frame)
 
 
 def _check(path: Path, images: list, lost: list[str], scaled: set[bool]) -> None:
@@ -168,13 +158,6 @@ def _report_orientation(path: Path, label: str, found: str | None) -> None:
     if (found or "1").strip() != "1":
         logger.warning("%s: camera %s: orientation: found %s: pixels are taken as stored", path,
                        label, found)  # fmt: skip
-
-
-def _image(label: str) -> PurePosixPath:
-    """Return the image that a label names, with an ending."""
-    image = PurePosixPath(label.strip().replace("\\", "/").lstrip("/") or "camera")
-    known = image.suffix.lower() in (*IMAGE_SUFFIXES, *_RAW)
-    return image if known else image.with_name(f"{image.name}.png")
 
 
 def _with_rays(camera: Camera, sensor: Sensor) -> CameraLike:

@@ -26,6 +26,7 @@ from rigs.formats._values import (
     errors_of_file,
     flat,
     required,
+    usable_name,
 )
 from rigs.rig import Rig
 
@@ -56,7 +57,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             pose = next((poses[key] for key in keys if key in poses), None)
             if pose is None:
                 raise ValueError(f"camera {name}: camera_poses: missing, expected R and T")
-            cameras.append(_camera(name, entry, pose))
+            cameras.append(_camera(usable_name(name, path), entry, pose))
         return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
 
 

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from functools import partial
 from itertools import islice
 from pathlib import Path, PurePosixPath
 
@@ -23,8 +24,7 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import iter_lines, shortened
-from rigs.files.units import UNKNOWN
-from rigs.formats._image_size import check_table_size, check_tables, image_listed, required_size
+from rigs.formats._image_size import check_table_size, image_listed, required_size
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -33,7 +33,7 @@ from rigs.formats._values import (
     errors_of_file,
     numbers_of_line,
 )
-from rigs.formats._views import grouped, named
+from rigs.formats._views import Views
 from rigs.geometry.image_checks import pixel_centres
 from rigs.geometry.rotation import matrix_of_quaternion
 from rigs.ray_table import RayTable
@@ -80,28 +80,16 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             raise ValueError(f"found {shortened(' '.join(words))}, expected NVM_V3")
         fixed = _fixed(words[1:])
         count = as_count(next(lines, None), "number of cameras")
-        images: list[PurePosixPath] = []
-        cameras: list[Camera] = []
-        bends: list[float] = []
+        views = Views(path, _FIELDS)
         for line in islice(lines, count):
-            image, camera, bend = _image(line, _HEADS[words[0]], fixed, path.parent, image_size)
-            images.append(image)
-            cameras.append(camera)
-            bends.append(bend)
-        if len(images) < count:
-            raise ValueError(f"number of cameras: found {count} and {len(images)} lines of them")
+            image, camera, k = _image(line, _HEADS[words[0]], fixed, path.parent, image_size)
+            views.add(str(image), camera, None, partial(_bent, k=k))
+        if len(views.images) < count:
+            raise ValueError(
+                f"number of cameras: found {count} and {len(views.images)} lines of them"
+            )
         _warn_of_others(path, lines)
-        names, frames = named(images, cameras, [None] * count, path.stem)
-        found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
-        bend_of = dict(zip(names, bends, strict=True))
-        for name, bend in zip(names, bends, strict=True):
-            if bend != bend_of[name]:
-                raise ValueError(f"camera {name}: k: found {bend} and {bend_of[name]}")
-        finished: list[CameraLike] = []
-        for camera in found:
-            finished.append(_bent(camera, bend_of[camera.name]))
-            check_tables(finished)
-        return Rig(tuple(finished), UNKNOWN, f"as in {path.name}")
+        return views.rig()
 
 
 def _fixed(words: list[str]) -> dict[str, float]:

@@ -57,6 +57,7 @@ from rigs.formats._values import (
     errors_of_file,
     read_head,
     rotation_of_motion,
+    usable_name,
 )
 from rigs.rig import Rig
 
@@ -104,7 +105,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             if not has_cameras(data):
                 continue
             with errors_of_file(file):
-                for name, entry in entries_of(data, file.stem).items():
+                for given, entry in entries_of(data, file.stem).items():
+                    name = usable_name(given, file)
                     if entries.setdefault(name, entry) is not entry:
                         raise ValueError(f"camera {name}: found in another file too, expected one")
             unit = data.get("length_unit", unit)
@@ -117,7 +119,10 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             is_pair = any(key in data for key in (*(pair[0] for pair in _STEREO), "R1", "P1"))
             if is_pair and "cameras" not in data and first(data, MATRIX) is None:
                 return _stereo(path, data, image_size)
-            entries = entries_of(data, path.stem)
+            found = entries_of(data, path.stem)
+            entries = {usable_name(name, path): entry for name, entry in found.items()}
+            if len(entries) < len(found):
+                raise ValueError(f"camera: found names alike without slashes: {', '.join(found)}")
     with errors_of_file(path):
         if not isinstance(unit, str):
             raise ValueError(f"length_unit: found {shortened(unit)}, expected text")

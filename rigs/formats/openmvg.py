@@ -13,9 +13,8 @@ at https://github.com/openMVG/openMVG.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Mapping
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,7 +22,6 @@ from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.files.text import read_json_mapping, shortened
-from rigs.files.units import UNKNOWN
 from rigs.formats._values import (
     as_array,
     as_count,
@@ -34,11 +32,9 @@ from rigs.formats._values import (
     errors_of_file,
     required,
 )
-from rigs.formats._views import grouped, named
+from rigs.formats._views import Views
 from rigs.lens import Distortion
 from rigs.rig import Rig
-
-logger = logging.getLogger(__name__)
 
 #: Key of the coefficients in the file, our model, and the places of its coefficients in them.
 _MODELS: dict[str, tuple[str, str, tuple[int | None, ...]]] = {
@@ -77,32 +73,22 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     with errors_of_file(path):
         lenses = _intrinsics(_items(data, "intrinsics"))
         poses = dict(_items(data, "extrinsics"))
-        images, cameras, lost = [], [], []
+        views = Views(path, _FIELDS)
         for _, value in _items(data, "views"):
             view = _data(value, "views")
             name = f"{view.get('local_path') or ''}/{view.get('filename')}"
-            image = PurePosixPath(name.replace("\\", "/").lstrip("/"))
+            image = name.replace("\\", "/").lstrip("/")
             with errors_of(f"view {image}"):
                 pose, lens = (_identity(view, key) for key in ("id_pose", "id_intrinsic"))
             if pose not in poses or lens == _NO_ID:
-                lost.append(str(image))
+                views.lost.append(image)
                 continue
             with errors_of(f"view {image}"):
                 if lens not in lenses:
                     raise ValueError(f"id_intrinsic: found {shortened(lens)}, expected one listed")
-                cameras.append(_posed(lenses[lens], poses[pose]))
-                images.append(image)
-        if not images:
-            raise ValueError(
-                f"extrinsics: found a pose of none of {len(lost)} views, expected those of a "
-                "reconstruction: openMVG_main_SfM writes them"
-            )
-        if lost:
-            logger.warning("%s: left out %d views without a pose: %s", path, len(lost),
-                           shortened(", ".join(lost)))  # fmt: skip
-        names, frames = named(images, cameras, [None] * len(images), path.stem)
-        found, _ = grouped(path.parent, images, cameras, names, frames, _FIELDS)
-        return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
+                views.add(image, _posed(lenses[lens], poses[pose]), lens)
+        with errors_of("extrinsics"):
+            return views.rig()
 
 
 def _items(data: Mapping[str, Any], key: str) -> list[tuple[int, Any]]:

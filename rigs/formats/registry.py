@@ -11,6 +11,7 @@ from types import ModuleType
 
 from rigs.files.units import in_unit
 from rigs.formats._file_storage import is_storage
+from rigs.formats._nearest import nearest
 from rigs.formats._values import errors_of_file, read_head
 from rigs.recordings import IMAGE_SUFFIXES
 from rigs.rig import Rig
@@ -63,6 +64,16 @@ FORMATS: dict[str, Format] = {
         Format("gaussian_splatting", "3-D Gaussian splatting's cameras.json"),
         Format("bop", "BOP's scene_camera.json"),
         Format("openmvg", "openMVG's sfm_data.json"),
+        Format("alicevision", "Meshroom's and AliceVision's .sfm"),
+        Format("opensfm", "OpenSfM's and ODM's reconstruction.json"),
+        Format("qualisys", "Qualisys Track Manager's .qca.txt"),
+        Format("kitti", "KITTI's calib_cam_to_cam.txt and calib.txt"),
+        Format("euroc", "EuRoC's cam*/sensor.yaml"),
+        Format("basalt", "Basalt's calibration.json"),
+        Format("open3d", "Open3D's pinhole cameras as JSON"),
+        Format("realitycapture", "RealityCapture's camera parameters, .csv"),
+        Format("pix4d", "Pix4D's *_calibrated_camera_parameters.txt"),
+        Format("nerfstudio", "nerfstudio's camera_path.json"),
         Format("blender", "lists of Blender's cameras as JSON"),
         Format("opencv", "cv2.FileStorage YAML, XML, JSON", (".yml", ".json"), writes=True),
         Format("myptv", "MyPTV's camera files"),
@@ -102,21 +113,52 @@ def sniff(path: str | os.PathLike) -> str:
     path = Path(path)
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file")
+    found = _recognised(path, names())
+    if found:
+        return found[1]
     head = read_head(path) if path.is_file() else ""
-    for name in names():
-        if FORMATS[name].module.looks_like(path, head):
-            return name
     if is_storage(head):
         return "opencv"  # its error names the keys found
-    found = _keys_of(path, head)
-    if path.suffix in _OURS and (not found or _OUR_KEYS.intersection(found)):
+    keys = _keys_of(path, head)
+    if path.suffix in _OURS and (not keys or _OUR_KEYS.intersection(keys)):
         return "emission_rig"  # its error names what a rig.yaml lacks
     what = "an image" if path.suffix.lower() in IMAGE_SUFFIXES else "none of the rig formats"
-    keys = f"; found in it: {', '.join(found[:8])}" if found else ""
+    near = nearest(head, {name: item.about for name, item in FORMATS.items()})
+    listed = f"; found in it: {', '.join(keys[:8])}" if keys else ""
     raise ValueError(
         f"{path}: found {what}, expected a file or folder of a calibration, in one of "
-        f"{', '.join(names())}{keys}"
+        f"{', '.join(names())}{listed}{near}"
     )
+
+
+def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None:
+    """Return what to read and its format: a path, or the one known file of a folder.
+
+    Raises
+    ------
+    ValueError
+        If a folder that is no rig by itself holds several files that are.
+    """
+    found = _format_of(path, choices)
+    if found or not path.is_dir():
+        return (path, found) if found else None
+    files = [
+        file
+        for file in sorted(path.iterdir())
+        if file.is_file() and file.suffix.lower() not in IMAGE_SUFFIXES
+    ]
+    # a rig's folder has few files; to look into thousands, a frame each, would take seconds
+    known = [(file, name) for file in files[:100] if (name := _format_of(file, choices))]
+    if len(known) > 1:
+        listed = ", ".join(f"{file.name} ({name})" for file, name in known[:6])
+        raise ValueError(f"{path}: found {len(known)} rigs, {listed}, expected one of them as IN")
+    return known[0] if known else None
+
+
+def _format_of(path: Path, choices: tuple[str, ...]) -> str | None:
+    """Return the first format that takes a path for its own."""
+    head = read_head(path) if path.is_file() else ""
+    return next((n for n in choices if FORMATS[n].module.looks_like(path, head)), None)
 
 
 def _keys_of(path: Path, head: str) -> list[str]:
@@ -162,8 +204,9 @@ def load(
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
-    module = _known(format, names(), "read").module if format else FORMATS[sniff(path)].module
-    rig = module.load(path, image_size)
+    name = _known(format, names(), "read").name if format else sniff(path)
+    path, _ = (_recognised(path, (name,)) if path.is_dir() else None) or (path, name)
+    rig = FORMATS[name].module.load(path, image_size)
     with errors_of_file(path):
         for camera in rig:
             if image_size is not None and camera.image_size != tuple(image_size):

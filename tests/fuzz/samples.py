@@ -195,6 +195,69 @@ def _tools(folder):
            for name, (file, module, sample) in json_kinds.items()},
         "format unknown .xml": Reader("rig.xml", formats.load, (storage, _metashape()), TEXT),
         "format unknown of tools": Reader("list.json", formats.load, every, TREE),
+        **{name: Reader(file, of_format(module, size), (text.encode(),), changes)
+           for name, (file, module, size, text, changes) in _exports().items()},
+    }  # fmt: skip
+
+
+def _exports():
+    """Rigs of motion capture, robots and photogrammetry: file, format, size, text and changes."""
+    eye, pose = np.ravel(EYE).tolist(), np.eye(4).ravel().tolist()
+    lens = {"intrinsicId": "2", "width": "9", "height": "7", "type": "brown", "sensorWidth": "36",
+            "focalLength": "320", "pixelRatio": "1", "principalPoint": ["0.5", "0"],
+            "distortionParams": ["-0.1", "0.05", "0", "0.001", "0"]}  # fmt: skip
+    transform = {"rotation": [str(v) for v in eye], "center": ["0", "0", "-9"]}
+    sfm = {"version": ["1", "2", "8"], "intrinsics": [lens],
+           "views": [{"viewId": "0", "poseId": "1", "intrinsicId": "2", "path": "/d/a.png"}],
+           "poses": [{"poseId": "1", "pose": {"transform": transform}}]}  # fmt: skip
+    brown = {"projection_type": "brown", "width": 9, "height": 7, "focal_x": 9.0, "focal_y": 9.1,
+             "c_x": 0.01, "k1": -0.1, "k2": 0.05, "p1": 1e-3, "p2": 0, "k3": 0}  # fmt: skip
+    shot = {"rotation": [0.1, 0.2, 0.3], "translation": [0, 0, 9], "camera": "a"}
+    K_values = {"fx": 80.0, "fy": 81.0, "cx": 4.0, "cy": 3.0}
+    at = {"px": 0.1, "py": 0.2, "pz": 0.3, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
+    spheres = [{"camera_type": "ds", "intrinsics": {**K_values, "xi": -0.2, "alpha": 0.6}},
+               {"camera_type": "kb4", "intrinsics": {**K_values, **dict.fromkeys(
+                   ("k1", "k2", "k3", "k4"), 0.01)}}]  # fmt: skip
+    basalt = {"value0": {"T_imu_cam": [at, at], "intrinsics": spheres,
+                         "resolution": [[9, 7], [9, 7]]}}  # fmt: skip
+    pinhole = {"class_name": "PinholeCameraParameters", "extrinsic": pose, "intrinsic": {
+        "width": 9, "height": 7, "intrinsic_matrix": [80, 0, 0, 0, 80, 0, 4, 3, 1]}}  # fmt: skip
+    path = {"render_width": 9, "render_height": 7, "camera_type": "perspective",
+            "camera_path": [{"camera_to_world": pose, "fov": 50.0}]}  # fmt: skip
+    r = " ".join(f'r{i + 1}{j + 1}="{EYE[i][j]}"' for i in range(3) for j in range(3))
+    qca = (
+        '<calibration><cameras><camera active="1" serial="7" viewrotation="0"><fov_video left="0" '
+        f'top="0" right="8" bottom="6"/><transform x="0" y="0" z="9" {r}/><intrinsic skew="0" '
+        'focalLengthU="5120" focalLengthV="5120" centerPointU="256" centerPointV="192" '
+        'radialDistortion1="-0.1"/></camera></cameras></calibration>'
+    )
+    row = " ".join(map(str, eye))
+    raw = f"S_00: 9 7\nK_00: 80 0 4 0 80 3 0 0 1\nD_00: -0.1 0 0 0 0\nR_00: {row}\nT_00: 0 0 9\n"
+    sensor = (
+        f"sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: {pose}\n"
+        "resolution: [9, 7]\ncamera_model: pinhole\nintrinsics: [80, 80, 4, 3]\n"
+        "distortion_model: equidistant\ndistortion_coefficients: [0.01, 0, 0, 0]\n"
+    )
+    pix4d = (
+        "fileName imageWidth imageHeight\ncamera matrix K [3x3]\ncamera model m = K [R|-Rt] X\n\n"
+        "a.png 9 7\n80 0 4\n0 80 3\n0 0 1\n-0.1 0.05 0\n0.001 0\n0 0 -9\n1 0 0\n0 1 0\n0 0 1\n"
+    )
+    captured = "#name,x,y,alt,heading,pitch,roll,f,px,py,k1,k2,k3,k4,t1,t2\n"
+    captured += "a.png,1,2,3,10,20,30,300,0.01,0,-0.1,0.05,0,0.02,0.001,0\n"
+    size = (9, 7)
+    return {
+        "AliceVision": ("a.sfm", "alicevision", None, json.dumps(sfm), TREE),
+        "OpenSfM": ("r.json", "opensfm", None,
+                    json.dumps([{"cameras": {"a": brown}, "shots": {"a.png": shot}}]), TREE),
+        "Basalt": ("c.json", "basalt", None, json.dumps(basalt), TREE),
+        "Open3D": ("t.json", "open3d", None, json.dumps({"parameters": [pinhole]}), TREE),
+        "nerfstudio": ("p.json", "nerfstudio", None, json.dumps(path), TREE),
+        "Qualisys": ("a.qca.txt", "qualisys", None, qca, TEXT),
+        "KITTI": ("c.txt", "kitti", None, raw, TEXT),
+        "KITTI rectified": ("c.txt", "kitti", size, "P0: 80 0 4 0 0 80 3 0 0 0 1 0\n", TEXT),
+        "EuRoC": ("sensor.yaml", "euroc", None, sensor, TREE),
+        "Pix4D": ("p.txt", "pix4d", None, pix4d, TEXT),
+        "RealityCapture": ("r.csv", "realitycapture", size, captured, TEXT),
     }  # fmt: skip
 
 

@@ -29,7 +29,8 @@ from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import CenterOption, SpacingOption
 from tomo.cli.outputs import check_output_file, check_output_folder
 
-PAGE, FIGURES = "calibration.html", "calibration.json"
+PAGE, FIGURES = "_calibration.html", "_calibration.json"
+"""Endings of the two files beside a rig.yaml, whose name they begin with."""
 
 EXAMPLES = """
 flametomo calibrate-rig images --target chessboard:9x6:25
@@ -85,7 +86,9 @@ CheckedGridOption = Annotated[
 ]
 ReportOption = Annotated[
     Path | None,
-    typer.Option(metavar="FOLDER", help=f"Folder for {PAGE} and {FIGURES}; the rig's if absent."),
+    typer.Option(
+        metavar="FOLDER", help=f"Folder for RIG{PAGE} and RIG{FIGURES}; the rig's if absent."
+    ),
 ]
 
 
@@ -150,12 +153,15 @@ def calibrate_rig(
         from rigs import save_rig
         from rigs.calibrate import calibrate_rig as calibrate
         from rigs.calibrate import image_set, parse_target
+        from rigs.calibrate.detect.split_sets import check_not_split
         from rigs.files.json_file import write_json
         from tomo.draw.calibration import write_calibration_page
 
         flat, volume = parse_target(target), given_volume(grid, spacing, center)
         axes, strays = given_world(world), list[str]()
         naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
+        if pattern is None:
+            check_not_split(images, bool(intrinsics or intrinsics_images))
         found = image_set(images, every, strays.append, **naming)
         optical, windows = given_scene(scene, refine_window or [], length_unit)
         calibration = calibrate(
@@ -181,21 +187,22 @@ def calibrate_rig(
         )
         calibration = replace(calibration, notes=(*strays, *calibration.notes))
         folder = out.parent if report is None else report
+        page = folder / f"{out.stem}{PAGE}"
         seconds = time.perf_counter() - started
         figures = {"target": str(flat), "seconds": round(seconds, 3), **calibration.report()}
         out.parent.mkdir(parents=True, exist_ok=True)
         save_rig(calibration.rig, out)
         write_calibration_page(
-            folder / PAGE,
+            page,
             calibration,
             title=f"Calibration of {images.absolute().name}",
             details={"images": images, "target": flat, "time": f"{seconds:.0f} s"},
         )
-        write_json(folder / FIGURES, figures, indent=2)
+        write_json(folder / f"{out.stem}{FIGURES}", figures, indent=2)
     for line in (calibration.assessment, *calibration.notes):
         say(line)
     if json:
-        print_json({"rig": str(out), "page": str(folder / PAGE), **figures})
+        print_json({"rig": str(out), "page": str(page), **figures})
 
 
 def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate.detect.split_sets import check_not_split
 from rigs.recordings import (
     CONTAINER_SUFFIXES,
     FILM_SUFFIXES,
@@ -122,6 +123,7 @@ def image_set(
         if len(alone) == len(found) and all(is_film(path) for path in alone.values()):
             return _pictures_of(alone, every, are_mosaics)
         return _sources(found, are_mosaics)
+    check_not_split(folder, are_lenses_given=True)
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     inside.sort(key=lambda path: natural(path.name))
     folders = [path for path in inside if path.is_dir() and not is_film(path)]

@@ -1,10 +1,14 @@
 import json
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import strategies as st
 
 from rigs import Camera, Distortion, Rig, look_at
+
+sys.path.append(str(Path(__file__).parent))  # the tests import `lens_formulas`
 
 LENSES = {
     "none": (),

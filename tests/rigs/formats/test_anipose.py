@@ -76,6 +76,23 @@ def test_a_table_that_lacks_something_is_not_dropped(make_rig, tmp_path, field):
         formats.load(path)
 
 
+@pytest.mark.parametrize("pose", ["", 'rotation = "null"\ntranslation = "null"\n'])
+def test_cameras_without_a_pose_are_left_out_and_named(
+    make_rig, assert_same_views, tmp_path, caplog, pose
+):
+    """caliscope writes them where it could not place a camera, and pairs in older files."""
+    path, rig = tmp_path / "config.toml", make_rig("brown", "none")
+    lost = "[cam_7]\nsize = [640, 480]\nmatrix = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n"
+    lost += f"distortions = [0, 0, 0, 0, 0]\n{pose}"
+    pair = "[stereo_0_1]\nRMSE = 0.3\nrotation = [[1, 0, 0]]\ntranslation = [1, 2, 3]\n"
+    path.write_text(f"{toml_of(rig, 'anipose')}\n{lost}{pair}")
+    assert_same_views(formats.load(path), rig)
+    assert "left out 1 cameras without a pose: cam_7" in caplog.text
+    path.write_text(lost + pair)
+    with pytest.raises(ValueError, match="rotation, translation: found neither in any of 1 came"):
+        formats.load(path)
+
+
 def test_toml_without_cameras_names_its_tables(tmp_path):
     path = tmp_path / "Calib.toml"
     path.write_text("[metadata]\nadjusted = false\n[project]\nx = 1\n")

@@ -1,6 +1,7 @@
 """Every sample file is claimed by one format alone, and what is no rig by none."""
 
 import json
+import re
 
 import cv2
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from rigs import Camera, Rig, formats, look_at
 from rigs.formats import FORMATS
+from rigs.formats._nearest import FIELDS
 from rigs.formats._values import read_head
 
 R, T = look_at((30, 10, 200), (0, 0, 0))
@@ -76,6 +78,31 @@ METASHAPE = (
     "</chunk></document>\n"
 )
 
+ALICEVISION = {
+    "version": ["1", "2", "8"], "views": [{"viewId": "1", "poseId": "1", "intrinsicId": "2"}],
+    "intrinsics": [{"intrinsicId": "2"}], "poses": [],
+}  # fmt: skip
+OPENSFM = {"cameras": {"a": {"projection_type": "brown"}},
+           "shots": {"a.png": {"rotation": [], "translation": []}}}  # fmt: skip
+QUALISYS = (
+    '<calibration><cameras><camera serial="1"><fov_video left="0"/><transform x="1"/>'
+    '<intrinsic focalLengthU="9"/></camera></cameras></calibration>\n'
+)
+EUROC = (
+    "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\nresolution: [64, 48]\n"
+    "camera_model: pinhole\nintrinsics: [90, 90, 32, 24]\ndistortion_model: equidistant\n"
+)
+BASALT = {"value0": {"T_imu_cam": [], "intrinsics": [{"camera_type": "ds", "intrinsics": {}}],
+                     "resolution": [[64, 48]]}}  # fmt: skip
+OPEN3D = {"class_name": "PinholeCameraParameters", "extrinsic": [],
+          "intrinsic": {"width": 64, "height": 48, "intrinsic_matrix": []}}  # fmt: skip
+PIX4D = (
+    "fileName imageWidth imageHeight\ncamera matrix K [3x3]\nradial distortion [3x1]\n"
+    "camera model m = K [R|-Rt] X\n\na.png 64 48\n"
+)
+NERFSTUDIO = {"camera_path": [{"camera_to_world": [], "fov": 50}], "render_width": 64,
+              "render_height": 48}  # fmt: skip
+
 #: For each format, sets of files; the first of a set is the one that is read, and its folder too
 #: where the format has folders.
 SAMPLES = {
@@ -117,9 +144,30 @@ SAMPLES = {
     "bop": [{"scene_camera.json": json.dumps({"0": BOP})}],
     "openmvg": [{"sfm_data.json": json.dumps(OPENMVG)}],
     "blender": [{"cameras.json": json.dumps(BLENDER)}],
+    "alicevision": [{"cameras.sfm": json.dumps(ALICEVISION)}],
+    "opensfm": [{"reconstruction.json": json.dumps([OPENSFM])}],
+    "qualisys": [{"a.qca.txt": QUALISYS}],
+    "kitti": [{"calib_cam_to_cam.txt": "".join(f"{key}_00: 1 2 3\n" for key in "SKDRT")},
+              {"calib.txt": "".join(f"P{i}: {' '.join(rows(P).split())}\n" for i in range(4))}],
+    "euroc": [{"cam0/sensor.yaml": EUROC}],
+    "basalt": [{"calibration.json": json.dumps(BASALT)}],
+    "open3d": [{"camera.json": json.dumps(OPEN3D)}],
+    "realitycapture": [{"a.csv": "#name,x,y,alt,heading,pitch,roll,f\na.png,1,2,3,4,5,6,20\n"}],
+    "pix4d": [{"a_calibrated_camera_parameters.txt": PIX4D}],
+    "nerfstudio": [{"camera_path.json": json.dumps(NERFSTUDIO)},
+                   {"a.json": '[{"file_path": "a.png", "transform": []}]'}],
 }  # fmt: skip
 #: Formats whose folder is a rig too: the folder of the sample's first file.
-FOLDERS = ("colmap", "openptv", "opencv", "myptv", "mvsnet", "projection", "easymocap", "mrcal")
+FOLDERS = (
+    "colmap",
+    "openptv",
+    "opencv",
+    "myptv",
+    "mvsnet",
+    "projection",
+    "easymocap",
+    "mrcal",
+)
 BY_NAME = ("dlt_matlab", "dlt_bottom")  # no file says that it is one of these
 WITHOUT_XML = pytest.mark.skipif("metashape" not in FORMATS, reason="no XML is read")
 
@@ -155,6 +203,13 @@ def test_a_sample_is_claimed_by_its_format_alone(tmp_path, name, files):
     assert formats.sniff(path) == name
     if name in FOLDERS:
         assert claiming(path.parent) == [name]
+
+
+@pytest.mark.parametrize("name", FIELDS)
+def test_a_sample_has_the_fields_of_its_format(name):
+    """The message about an unknown file says which format lacks fewest of them."""
+    text = "".join(next(iter(SAMPLES[name][0].values())))
+    assert set(FIELDS[name].split()) <= set(re.findall(r"\w+", text))
 
 
 @pytest.mark.parametrize("name", ["rtk", "astra"])

@@ -126,6 +126,37 @@ def test_a_moving_rig_is_read_from_rigs_txt(tmp_path):
     assert rig.world_frame == "the reference sensor's axes"
 
 
+#: One camera that moved, its images in two folders.
+MOVED = [
+    "1 1 0 0 0 0 0 0 1 low/a.png",
+    "2 1 0 0 0 0 0 9 1 low/b.png",
+    "3 1 0 0 0 5 0 0 1 high/a.png",
+    "4 1 0 0 0 5 0 9 1 high/c.png",
+]
+
+
+@pytest.mark.parametrize("rigs", [(), ("1 1 CAMERA 1",)])
+def test_images_of_one_camera_that_moved_are_cameras(tmp_path, rigs):
+    """Since 3.12 COLMAP calls a camera by itself a rig of one sensor."""
+    cameras = ["1 PINHOLE 640 480 800 800 320 240"]
+    rig = formats.load(write_model(tmp_path / "model", cameras, MOVED, rigs))
+    assert rig.names == ("low_a", "b", "high_a", "c")
+    assert [camera.t.tolist() for camera in rig] == [[0, 0, 0], [0, 0, 9], [5, 0, 0], [5, 0, 9]]
+
+
+def test_several_cameras_that_moved(tmp_path):
+    cameras = ["1 PINHOLE 640 480 800 800 320 240", "2 PINHOLE 640 480 700 700 320 240"]
+    images = [line.replace(" 1 high", " 2 high") for line in MOVED]
+    folder = write_model(tmp_path / "model", cameras, images)
+    message = (
+        r"camera low: TX, TY, TZ: differs between low/a.png and low/b.png, .*: where cameras "
+    )
+    with pytest.raises(ValueError, match=f"{message}moved round a still scene, put their images"):
+        formats.load(folder)
+    write_model(folder, cameras, images, ["1 1 CAMERA 1", "2 1 CAMERA 2"])  # two rigs of one
+    assert formats.load(folder).names == ("low_a", "b", "high_a", "c")
+
+
 @pytest.mark.parametrize("model", ["thin_prism", "tilted"])
 def test_lenses_that_colmap_lacks_are_refused(make_rig, tmp_path, model):
     with pytest.raises(ValueError, match=f"camera cam1: distortion: found model {model}"):

@@ -311,3 +311,41 @@ def test_what_is_refused_is_not_warned_of_too(tmp_path, caplog):
     with pytest.raises(ValueError, match="camera_matrix"):
         formats.load(path)
     assert not caplog.records
+
+
+@pytest.mark.parametrize("ending", [".yml", ".json", ".xml"])
+def test_arrays_of_one_dimension(make_rig, assert_same_views, tmp_path, ending):
+    """``cv2.FileStorage`` writes NumPy's arrays of one dimension as they are."""
+    rig = make_rig("brown")
+    path = tmp_path / f"a{ending}"
+    file = cv2.FileStorage(str(path), cv2.FILE_STORAGE_WRITE)
+    (camera,) = rig
+    file.write("image_width", 640)
+    file.write("image_height", 480)
+    file.write("camera_matrix", np.array(camera.camera_matrix))
+    file.write("distortion_coefficients", np.array(camera.distortion.coefficients))
+    file.write("R", cv2.Rodrigues(np.array(camera.R))[0].ravel())
+    file.write("T", np.array(camera.t))
+    file.release()
+    assert "sizes" in path.read_text()
+    assert_same_views(formats.load(path), rig, names=("a",))
+    path.write_text(path.read_text().replace("[ 3 ]", "[ 4 ]").replace("3</sizes>", "4</sizes>"))
+    if ending != ".json":
+        with pytest.raises(
+            ValueError, match=r"sizes: found .* and 3 numbers, expected one or two"
+        ):
+            formats.load(path)
+
+
+def test_a_name_with_a_slash_is_made_usable_and_said(tmp_path, caplog):
+    """ROS calls the cameras of a pair so."""
+    for name in ("left", "right"):
+        (tmp_path / f"{name}.yaml").write_text(
+            f"image_width: 64\nimage_height: 48\ncamera_name: narrow_stereo/{name}\n"
+            "camera_matrix:\n  rows: 3\n  cols: 3\n  data: [90, 0, 32, 0, 90, 24, 0, 0, 1]\n"
+            "distortion_model: plumb_bob\ndistortion_coefficients:\n  rows: 1\n  cols: 5\n"
+            "  data: [-0.1, 0.05, 0, 0, 0]\n"
+        )
+    assert formats.load(tmp_path / "left.yaml").names == ("narrow_stereo_left",)
+    assert "camera 'narrow_stereo/left': called narrow_stereo_left" in caplog.text
+    assert formats.load(tmp_path).names == ("narrow_stereo_left", "narrow_stereo_right")

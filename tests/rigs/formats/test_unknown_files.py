@@ -20,7 +20,7 @@ def test_the_names_in_a_file_are_named(tmp_path, name, text, found):
     path = tmp_path / name
     path.write_text(text)
     words = re.escape(f"{path}: found none of the rig formats, expected a file or folder")
-    with pytest.raises(ValueError, match=rf"{words} .*; found in it: {re.escape(found)}$"):
+    with pytest.raises(ValueError, match=rf"{words} .*; found in it: {re.escape(found)}(;|$)"):
         formats.load(path)
 
 
@@ -29,3 +29,40 @@ def test_a_file_like_ours_gets_the_error_of_ours(tmp_path):
     path.write_text("version: 1\nlength_unit: mm\ncameras: []\n")
     with pytest.raises(ValueError, match="format: missing, expected emission-rig"):
         formats.load(path)
+
+
+KALIBR = (
+    "cam0:\n  camera_model: pinhole\n  intrinsics: [90.0, 90.0, 32.0, 24.0]\n"
+    "  distortion_model: none\n  distortion_coeffs: []\n  resolution: [64, 48]\n"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "nearest"),
+    [
+        ("a.yaml", KALIBR.replace("intrinsics", "lens"),
+         "nearest is kalibr (Kalibr's camchain.yaml): lacks intrinsics"),
+        ("a.json", '{"views": [], "intrinsics": [], "extrinsics": []}',
+         "nearest is openmvg (openMVG's sfm_data.json): lacks sfm_data_version"),
+        ("a.dat", '{"sfm_data_version": 1, "views": [], "intrinsics": [], "extrinsics": []}',
+         "nearest is openmvg (openMVG's sfm_data.json): try --from openmvg"),
+    ],
+)  # fmt: skip
+def test_the_nearest_format_is_named_with_what_is_missing(tmp_path, name, text, nearest):
+    path = tmp_path / name
+    path.write_text(text)
+    with pytest.raises(ValueError, match=rf"; {re.escape(nearest)}$"):
+        formats.load(path)
+
+
+def test_a_folder_that_holds_one_known_file_is_that_file(tmp_path):
+    (tmp_path / "calibration.yaml").write_text(KALIBR)
+    (tmp_path / "notes.txt").write_text("taken on Monday\n")
+    (tmp_path / "image.png").write_bytes(b"")
+    assert formats.sniff(tmp_path) == "kalibr"
+    for format_name in (None, "kalibr"):
+        assert formats.load(tmp_path, format_name).names == ("cam0",)
+    (tmp_path / "other.yaml").write_text(KALIBR)
+    words = r"found 2 rigs, calibration.yaml \(kalibr\), other.yaml \(kalibr\), expected one of"
+    with pytest.raises(ValueError, match=words):
+        formats.load(tmp_path)

@@ -106,14 +106,14 @@ def test_the_rig_s_rays_meet_where_the_true_ones_do(taken, calibrated):
 def test_the_files_are_next_to_the_rig_and_agree_with_what_is_printed(calibrated):
     report, folder, stderr = calibrated
     assert sorted(path.name for path in folder.iterdir() if path.suffix) == [
-        "calibration.html", "calibration.json", "rig.yaml",
+        "rig.yaml", "rig_calibration.html", "rig_calibration.json",
     ]  # fmt: skip
-    written = json.loads((folder / "calibration.json").read_text("utf-8"))
+    written = json.loads((folder / "rig_calibration.json").read_text("utf-8"))
     assert written == {k: v for k, v in report.items() if k not in ("rig", "page")}
     assert len(written["frames_rms_px"]) == FRAMES
     assert set(written["images_rms_px"]) == set(CAMERAS)
     assert len(written["left_out"]) == written["points_left_out"]
-    page = (folder / "calibration.html").read_text("utf-8")
+    page = (folder / "rig_calibration.html").read_text("utf-8")
     assert "Images that fit worst" in page
     assert report["assessment"].split("\n")[0] in stderr
 
@@ -127,7 +127,7 @@ def test_the_cache_saves_the_search_and_changes_nothing(run_tool, taken, calibra
     assert done.exit_code == 0, (done.stderr, done.exception)
     assert load_rig(tmp_path / "rig.yaml") == load_rig(folder / "rig.yaml")
     assert sorted(p.name for p in (tmp_path / "report").iterdir()) == [
-        "calibration.html", "calibration.json",
+        "rig_calibration.html", "rig_calibration.json",
     ]  # fmt: skip
 
 
@@ -154,7 +154,7 @@ def test_a_scene_becomes_part_of_the_rig_and_its_windows_are_reported(
     assert rig.scene.solids[0].thickness == pytest.approx(found["thickness"], rel=1e-5)
     assert found["thickness_change"] < 0
     assert "window pane: thickness changed by" in done.stderr
-    assert "window pane" in (tmp_path / "calibration.html").read_text("utf-8")
+    assert "window pane" in (tmp_path / "rig_calibration.html").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -406,6 +406,22 @@ def test_lens_images_are_kept_apart_from_pose_images(run_tool, taken, few, tmp_p
         miss[name] = true_ray_miss(taken[0], load_rig(out), taken[0].volume)
     assert miss["with"] < 0.06
     assert miss["with"] < miss["without"]
+
+
+@pytest.mark.parametrize("given", ["calibration", "calibration/intrinsics",
+                                   "calibration/extrinsics"])  # fmt: skip
+def test_pose2sims_folders_are_told_apart_at_once(refused, few, tmp_path, given):
+    """Each camera's images of its lens have names of their own: as one set they say nothing."""
+    folder = tmp_path / "calibration"
+    for kind, start in (("intrinsics", "int"), ("extrinsics", "ext")):
+        for camera in few.iterdir():
+            shutil.copytree(camera, folder / kind / f"{start}_{camera.name}_img")
+    line = refused(tmp_path / given)
+    assert (
+        f"{folder / 'extrinsics'} as IMAGES and --intrinsics-images {folder / 'intrinsics'}"
+        in (line)
+    )
+    assert "called alike by --pattern, like '*_{camera}_img/{frame}.*'" in line
 
 
 def test_lens_images_of_no_camera(refused, few, tmp_path):
