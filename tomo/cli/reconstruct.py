@@ -84,7 +84,11 @@ def reconstruct(
     ] = None,
     channel: Annotated[
         str | None,
-        typer.Option(metavar="r|g|b", help="The colour to reconstruct of images in colour."),
+        typer.Option(
+            metavar="r|g|b|N",
+            help="The colour to reconstruct of images in colour, or the channel of films with "
+            "several, from 0.",
+        ),
     ] = None,
     scale: Annotated[
         int, typer.Option(help="Shrink the images by area means; in Python scan.scaled(N).", min=1)
