@@ -151,12 +151,14 @@ def calibrate_rig(
         from rigs.calibrate import calibrate_rig as calibrate
         from rigs.calibrate import image_set, parse_target
         from rigs.files.json_file import write_json
+        from rigs.recordings.layout import cameras_and_frames
         from tomo.draw.calibration import write_calibration_page
 
         flat, volume = parse_target(target), given_volume(grid, spacing, center)
         axes, strays = given_world(world), list[str]()
         naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
         found = image_set(images, every, strays.append, **naming)
+        say(cameras_and_frames(found))
         optical, windows = given_scene(scene, refine_window or [], length_unit)
         calibration = calibrate(
             found,

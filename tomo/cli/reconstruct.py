@@ -206,6 +206,7 @@ def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
 
 
 def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None) -> Scan:
+    from rigs.recordings.layout import cameras_and_frames
     from tomo import load_scan, scan_of_images
 
     if pattern is not None and rig is None:
@@ -213,7 +214,14 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str
     if scan is not None and rig is None:
         return load_scan(scan, images)
     if scan is None and rig is not None and images is not None:
-        return scan_of_images(rig, images, pattern)
+        found = scan_of_images(rig, images, pattern)
+        if pattern is not None:
+            each = {
+                name: [f.name for f in found.frames if name in f.images]
+                for name in found.rig.names
+            }
+            say(cameras_and_frames(each))
+        return found
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 
