@@ -4,9 +4,10 @@ Read only. After ``NVM_V3`` come the number of images and their lines. The rotat
 camera in OpenCV's axes, C the camera's centre. ``NVM_V3_R9T`` has nine numbers of R and three of t
 in their place. The principal point is the image's middle; ``NVM_V3 FixedK fx cx fy cy`` gives it,
 and both focal lengths, for all. k bends the image towards the pinhole, p' = p (1 + k |p|^2) with p
-in focal lengths from the principal point: such a camera becomes a table of rays. Spaces in names
-are written as ``"``. Image sizes are those of the images, else asked for; there is no unit. A file
-may hold several models: the first is read, and a warning names the others. Source:
+in focal lengths from the principal point: a radial lens is fitted, and where none fits, the camera
+becomes a table of rays. Spaces in names are written as ``"``. Image sizes are those of the images,
+else asked for; there is no unit. A file may hold several models: the first is read, and a warning
+names the others. Source:
 http://ccwu.me/vsfm/doc.html#nvm; ``DataInterface.h`` of Multicore Bundle Adjustment,
 http://grail.cs.washington.edu/projects/mcba.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
 from pathlib import Path, PurePosixPath
 
@@ -25,6 +27,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.files.text import iter_lines, shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._image_size import check_table_size, check_tables, image_listed, required_size
+from rigs.formats._radial_lens import radial_lens
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -43,6 +46,8 @@ logger = logging.getLogger(__name__)
 
 _HEADS = {"NVM_V3": 4, "NVM_V3_R9T": 9}  # and how many numbers turn a camera
 _DIGITS = 18  # of a count that are read; a file of more lines than they count does not exist
+_RADII = 1000  # between the middle of an image and its farthest corner, where a lens is fitted
+_CLOSE_ENOUGH = 1e-3  # pixels: a tenth of what calibrations reach
 _FIXED = ("fx", "cx", "fy", "cy")
 _FIELDS = {
     "image_size": "image",
@@ -98,9 +103,16 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             if bend != bend_of[name]:
                 raise ValueError(f"camera {name}: k: found {bend} and {bend_of[name]}")
         finished: list[CameraLike] = []
+        errors: list[float] = []
         for camera in found:
-            finished.append(_bent(camera, bend_of[camera.name]))
+            bent, error = _bent(camera, bend_of[camera.name])
+            finished.append(bent)
+            errors.append(error)
             check_tables(finished)
+        if max(errors) > 0:
+            logger.warning(
+                "%s: k: lenses of rig.yaml were fitted, to %.1g pixels", path, max(errors)
+            )
         return Rig(tuple(finished), UNKNOWN, f"as in {path.name}")
 
 
@@ -150,19 +162,29 @@ def _image(
     return image, camera, k
 
 
-def _bent(camera: Camera, k: float) -> CameraLike:
-    """Return the camera whose images bend by k: a table of rays, where k is not 0."""
+def _bent(camera: Camera, k: float) -> tuple[CameraLike, float]:
+    """Return the camera whose images bend by k, and the error of the lens fitted, in pixels.
+
+    It is a table of rays, exact, where no lens fits.
+    """
     if k == 0:
-        return camera
+        return camera, 0.0
+    K, (width, height) = camera.camera_matrix, camera.image_size
+    corners = np.array([[x, y] for x in (-0.5, width - 0.5) for y in (-0.5, height - 0.5)])
+    farthest = np.linalg.norm((corners - K[:2, 2]) / np.diag(K)[:2], axis=1).max()
+    radius = np.linspace(0, farthest, _RADII)
+    lens, error = radial_lens(radius * (1 + k * radius**2), radius)
+    error *= float(np.diag(K)[:2].max())
+    if error < _CLOSE_ENOUGH:
+        return replace(camera, distortion=lens), error
     with errors_of(f"camera {camera.name}"):
         check_table_size(camera.image_size)
-    K = camera.camera_matrix
     plane = (pixel_centres(camera.image_size) - K[:2, 2]) / np.diag(K)[:2]
     q = np.sum(plane**2, axis=1, keepdims=True)
     straight = np.where(1 + 3 * k * q > 0, plane * (1 + k * q), np.nan)  # before the fold
     seen = np.hstack([straight, np.ones((len(plane), 1))]) @ camera.R
     rows = seen.reshape(*camera.image_size[::-1], 3)
-    return RayTable(camera.name, camera.position, rows, status="calibrated")
+    return RayTable(camera.name, camera.position, rows, status="calibrated"), 0.0
 
 
 def _warn_of_others(path: Path, lines: Iterator[str]) -> None:

@@ -163,7 +163,11 @@ def load(
     """
     path = Path(path)
     module = _known(format, names(), "read").module if format else FORMATS[sniff(path)].module
-    rig = module.load(path, image_size)
+    try:
+        rig = module.load(path, image_size)
+    except ArithmeticError as error:  # whatever a format computes of numbers that are far off
+        reason = " ".join(str(error.args[-1] if error.args else error).split())
+        raise ValueError(f"{path}: found numbers that no camera has: {reason}") from None
     with errors_of_file(path):
         for camera in rig:
             if image_size is not None and camera.image_size != tuple(image_size):

@@ -10,6 +10,7 @@ from __future__ import annotations
 import importlib.metadata
 import logging
 import os
+import re
 import secrets
 import sys
 import threading
@@ -20,6 +21,7 @@ from functools import partial
 from multiprocessing import resource_tracker
 from typing import TYPE_CHECKING
 
+from rigs.files.text import shortened
 from tomo.operators.system import Progress
 from tomo.series.frames import blocks_of
 from tomo.series.plan import Plan
@@ -33,6 +35,10 @@ if TYPE_CHECKING:
 PATIENCE = 10.0
 """Seconds in which a scheduler answers. Fewer: busy networks are taken for dead. More: a wrong
 address is said late."""
+
+_ADDRESS = re.compile(
+    r"(?:[a-z]{2,9}://)?(?:[\w.-]{1,253}|\[[\da-fA-F:.%\w]{2,60}\]):(\d{1,5})", re.ASCII
+)
 
 ONE_THREAD = dict.fromkeys(
     ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"
@@ -152,6 +158,7 @@ def _connected(address: str) -> Client:
     """Connect to a scheduler."""
     from distributed import Client
 
+    _check_address(address)
     logging.getLogger("distributed.client").setLevel(logging.CRITICAL)  # a loss is raised
     try:
         return Client(address, timeout=PATIENCE, set_as_default=False)
@@ -161,6 +168,16 @@ def _connected(address: str) -> Client:
             f"a Dask scheduler like tcp://host:8786, which `dask scheduler` starts "
             f"({type(error).__name__})"
         ) from None
+
+
+def _check_address(address: str) -> None:
+    """Raise where an address cannot be one: Dask would look for it, or warn at the end."""
+    found = _ADDRESS.fullmatch(address)
+    if found is None or not 0 < int(found[1]) < 2**16:
+        raise ValueError(
+            f"scheduler: found {shortened(address)}, expected the address of a Dask scheduler, "
+            "like tcp://host:8786"
+        )
 
 
 def _check_versions(client: Client, expected: Mapping[str, str]) -> None:

@@ -143,9 +143,11 @@ def test_what_is_no_cluster_is_refused(monkeypatch):
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         address = f"tcp://127.0.0.1:{unused.getsockname()[1]}"
-        for wrong in (address, "nothing", "tcp://"):
-            with pytest.raises(ValueError, match=f"nothing that answers at {wrong} within"):
-                on_cluster(scheduler=wrong).__enter__()
+        with pytest.raises(ValueError, match=f"nothing that answers at {address} within"):
+            on_cluster(scheduler=address).__enter__()
+    for wrong in ("nothing", "tcp://"):
+        with pytest.raises(ValueError, match=f"scheduler: found '{wrong}', expected the address"):
+            on_cluster(scheduler=wrong).__enter__()
 
 
 def test_a_store_that_is_copied_to_an_object_store_is_read_there(undisturbed):
