@@ -28,7 +28,6 @@ STAGE = "plan: "
 PAUSE = 10.0
 """Seconds between two lines of one stage where there is no terminal: more often fills logs."""
 
-_COLUMNS = 80  # of a terminal whose width is not known
 _OBEYED = ("Cc", "Cf", "Zl", "Zp")
 """Kinds of characters that terminals obey: controls, marks of direction, breaks of lines."""
 
@@ -131,7 +130,7 @@ def console(*, stderr: bool = False) -> Console:
 
     columns = os.environ.get("COLUMNS", "")
     is_none = columns.isdecimal() and int(columns) == 0
-    return Console(stderr=stderr, width=_COLUMNS if is_none else None)
+    return Console(stderr=stderr, width=80 if is_none else None)
 
 
 @contextmanager

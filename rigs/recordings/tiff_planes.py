@@ -21,8 +21,6 @@ if TYPE_CHECKING:
 
     import tifffile
 
-_MOST_TAGS = 4096  # of a page: tifffile reads no page of more either
-
 
 @dataclass(frozen=True, eq=False)
 class Planes:
@@ -170,7 +168,7 @@ def _pages_there(file: tifffile.TiffFile) -> tuple[int, str | None]:
             (following,) = struct.unpack(tiff.offsetformat, handle.read(tiff.offsetsize))
         except (struct.error, OSError, OverflowError):
             return page, f"page {page}: its header at byte {offset} is not in the file"
-        if not 0 < tags <= _MOST_TAGS:
+        if not 0 < tags <= 4096:  # tifffile reads no page of more either
             return page, f"page {page}: its header at byte {offset} is damaged"
         seen[offset] = page
         offset = following
