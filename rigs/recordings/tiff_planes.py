@@ -77,9 +77,9 @@ class _Said:
 
 def is_stack(file: tifffile.TiffFile) -> bool:
     """Return whether a file holds several pages like the first, or has lost them."""
-    count, lost = _pages_there(file)
+    count, lost = there = _pages_there(file)
     if count < 2:
-        return lost is not None or _one_block(file) is not None
+        return lost is not None or _one_block(file, there) is not None
     return file.pages.get(1).shape == file.pages.first.shape
 
 
@@ -102,10 +102,10 @@ def planes_of(file: tifffile.TiffFile) -> Planes:
         Naming the page, where one is missing or cut; or if frames differ in more than time and
         channel.
     """
-    block = _one_block(file)
+    count, lost = there = _pages_there(file)
+    block = _one_block(file, there)
     if block is not None:
         return Planes(*_ordered(block), is_one_block=True, note=block.note)
-    count, lost = _pages_there(file)
     said = _said(file)
     if lost is None:
         last = cast("tifffile.TiffPage", file.pages.get(count - 1, aspage=True))
@@ -177,13 +177,13 @@ def _pages_there(file: tifffile.TiffFile) -> tuple[int, str | None]:
     return len(seen), None
 
 
-def _one_block(file: tifffile.TiffFile) -> _Said | None:
+def _one_block(file: tifffile.TiffFile, there: tuple[int, str | None]) -> _Said | None:
     """Return what is said of planes whose values follow those of the only page, else None.
 
-    ImageJ writes files over 4 GB in this way.
+    ImageJ writes files over 4 GB in this way. ``there`` is what `_pages_there` returns.
     """
     page = file.pages.first
-    if page.is_ome or not page.is_contiguous or _pages_there(file) != (1, None):
+    if page.is_ome or not page.is_contiguous or there != (1, None):
         return None
     said = _said(file)
     if said is None or said.count < 2:

@@ -54,6 +54,8 @@ class TiffStack(Reopened):
             first = self._file.pages.first
             self.image_size = (first.imagewidth, first.imagelength)
             self.bit_depth = bits_of(first)
+            if self._planes.is_one_block:
+                decoded(first, self._bytes)  # whether its header is that of intensities
             self.is_mosaic = is_pattern(first)
 
     def read(self, index: int) -> NDArray:
@@ -68,7 +70,8 @@ class TiffStack(Reopened):
             colour = channel if len(self.channels) == 1 else None
             still = self._still(int(plane))
             if colour is not None and (still.is_grey or colour not in CHANNELS):
-                raise ValueError(f"channel: found {colour!r}, expected none: frames are grey")
+                known = "none: frames are grey" if still.is_grey else ", ".join(CHANNELS)
+                raise ValueError(f"channel: found {colour!r}, expected {known}")
             image = still.grey(colour)
         check_size(self.path, index, image, self.image_size)
         return image
