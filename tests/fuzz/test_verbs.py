@@ -6,7 +6,7 @@ import pytest
 from verbs import cases, forget_peak, peak_memory, run, tried
 
 MOST_MEMORY = 1 << 30  # bytes beyond what valid input takes
-FEW = {"converted": 2, "checked": 2, "reconstructed": 3}
+FEW = {"converted": 2, "checked": 2, "reconstructed": 1}
 """Damaged files of each case of a verb, in the tests."""
 
 
@@ -23,8 +23,12 @@ def test_damaged_files_end_commands_in_one_line_or_are_used(every_case, tmp_path
     assert chosen
     if verb == "converted":  # about a hundred: every sixth
         chosen = dict(list(chosen.items())[::6])
+    folder = tmp_path / "run"
+    valid = next(iter(chosen.values()))
+    assert not run(valid, valid.samples[0], folder).trace  # imports and compiles
+    forget_peak()
+    floor = peak_memory()
     for name, case in chosen.items():
-        folder = tmp_path / "run"
 
         def tell(content, outcome, name=name):
             assert not outcome.trace, (name, content[:2000])
@@ -33,8 +37,5 @@ def test_damaged_files_end_commands_in_one_line_or_are_used(every_case, tmp_path
             if outcome.code:
                 assert outcome.said.count("error: ") == 1, (name, outcome.said)
 
-        assert not run(case, case.samples[0], folder).trace  # imports and compiles
-        forget_peak()
-        floor = peak_memory()
         tried(case, folder, FEW[verb], 0, tell)
         assert peak_memory() - floor < MOST_MEMORY, name
