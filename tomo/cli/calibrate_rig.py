@@ -158,7 +158,8 @@ def calibrate_rig(
         axes, strays = given_world(world), list[str]()
         naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
         found = image_set(images, every, strays.append, **naming)
-        say(cameras_and_frames(found))
+        if pattern is not None:
+            say(cameras_and_frames(found))
         optical, windows = given_scene(scene, refine_window or [], length_unit)
         calibration = calibrate(
             found,
