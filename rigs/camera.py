@@ -26,6 +26,14 @@ from rigs.geometry.rotation import numbers, rotation
 from rigs.lens import Distortion, turned
 from rigs.optics import Optics
 
+_LONGEST_FOCUS = 1e9
+"""Pixels: 1 km of focal length and pixels of 1 um. A longer one makes images of a voxel that no
+memory holds; a lower bound refuses cameras that stand for parallel light."""
+
+_MOST_STRETCHED = 10.0
+"""Ratio of the focal lengths: anamorphic lenses have 2, lines binned by eight 8. More is no
+camera's; a lower bound refuses those."""
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Camera(OnImage):
@@ -314,6 +322,21 @@ def _camera_matrix(matrix: ArrayLike, what: str) -> NDArray[np.float64]:
         raise ValueError(
             f"{what}: camera_matrix: found focal lengths {K[0, 0]} and {K[1, 1]}, "
             "expected positive pixels"
+        )
+    if max(K[0, 0], K[1, 1]) > _LONGEST_FOCUS:
+        raise ValueError(
+            f"{what}: camera_matrix: found focal lengths {K[0, 0]:g} and {K[1, 1]:g}, expected at "
+            f"most {_LONGEST_FOCUS:g} pixels"
+        )
+    if not 1 / _MOST_STRETCHED <= K[1, 1] / K[0, 0] <= _MOST_STRETCHED:
+        raise ValueError(
+            f"{what}: camera_matrix: found focal lengths {K[0, 0]:g} and {K[1, 1]:g}, expected a "
+            f"ratio of at most {_MOST_STRETCHED:g}"
+        )
+    if abs(K[0, 1]) > K[0, 0]:
+        raise ValueError(
+            f"{what}: camera_matrix: found a skew of {K[0, 1]:g}, expected at most the focal "
+            f"length, {K[0, 0]:g} pixels"
         )
     if K[1, 0] != 0 or K[2].tolist() != [0, 0, 1]:
         raise ValueError(

@@ -7,7 +7,9 @@ stderr is no terminal, as in a log, there is a line for each stage instead of a 
 
 from __future__ import annotations
 
+import os
 import time
+import unicodedata
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import cache
@@ -25,6 +27,9 @@ STAGE = "plan: "
 
 PAUSE = 10.0
 """Seconds between two lines of one stage where there is no terminal: more often fills logs."""
+
+_OBEYED = ("Cc", "Cf", "Zl", "Zp")
+"""Kinds of characters that terminals obey: controls, marks of direction, breaks of lines."""
 
 FRAMES = "frames"
 """The name of a bar that counts frames: it says their rate."""
@@ -116,9 +121,16 @@ def clock(seconds: float) -> str:
 @cache
 def stderr() -> Console:
     """Return the console of bars and messages."""
+    return console(stderr=True)
+
+
+def console(*, stderr: bool = False) -> Console:
+    """Return a console of the terminal's width; COLUMNS=0, which shows nothing, is none."""
     from rich.console import Console
 
-    return Console(stderr=True)
+    columns = os.environ.get("COLUMNS", "")
+    is_none = columns.isdecimal() and int(columns) == 0
+    return Console(stderr=stderr, width=80 if is_none else None)
 
 
 @contextmanager
@@ -201,3 +213,18 @@ def _pace() -> ProgressColumn:
             return Text(f"{task.speed:.3g} frames/s{words}" if task.speed else "")
 
     return Pace()
+
+
+def printable(text: str) -> str:
+    r"""Return a text whose control characters are written out, like ``\x1b``; lines stay lines.
+
+    A terminal obeys them, and names of files may hold them.
+    """
+    return "".join(
+        one if one == "\n" or unicodedata.category(one) not in _OBEYED else _written_out(one)
+        for one in text
+    )
+
+
+def _written_out(character: str) -> str:
+    return character.encode("unicode_escape").decode("ascii")

@@ -16,6 +16,7 @@ from rigs.check.grid_choice import grid_choice
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import gas, glass, hardware
 from rigs.check.words import short
+from rigs.files.units import UNITS
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
@@ -58,6 +59,11 @@ def _conventions(check: RigCheck) -> Iterator[Finding]:
     rig = check.coverage.rig
     for error in find_convention_errors(rig, few_of(check.coverage.points), check.voxel):
         yield Finding("fault", error.text, error.cameras)
+    if rig.length_unit not in UNITS:
+        text = (
+            f"length_unit {rig.length_unit!r} is none of {', '.join(UNITS)}: it is not converted"
+        )
+        yield Finding("warning", text)
     down = np.array([camera.R[1] for camera in rig])
     most = down.sum(axis=0)
     if len(rig) > 2 and np.linalg.norm(most) > 0.3 * len(rig):

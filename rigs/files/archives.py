@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.files.text import check_plain_file
 
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # NumPy writes no other compression
 _READ_HEADER = {
@@ -28,6 +29,7 @@ def read_arrays(path: str | os.PathLike) -> dict[str, NDArray]:
         In one line, if the file is no archive of plain arrays, is damaged, holds Python objects,
         or claims more than a file of its size may hold.
     """
+    check_plain_file(path)
     with errors_of_libraries("not a readable .npz"):
         with zipfile.ZipFile(path) as archive:
             members = archive.infolist()
@@ -46,6 +48,7 @@ def read_array(path: str | os.PathLike) -> NDArray:
     ValueError
         In one line, if the file is no plain array, is damaged, or holds Python objects.
     """
+    check_plain_file(path)
     with errors_of_libraries("not a readable .npy"):
         with open(path, "rb") as file:
             _check_header(file, os.path.getsize(path), "header")

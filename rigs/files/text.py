@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime
 import json
 import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,11 @@ _MAX_BYTES = 16 * 2**20
 _MAX_LINE = 16 * 2**20  # bytes; COLMAP writes all points of an image into one line
 _MAX_DEPTH = 32
 _MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
+
+_SPECIAL = (
+    (stat.S_ISFIFO, "a pipe"), (stat.S_ISSOCK, "a socket"), (stat.S_ISCHR, "a device"),
+    (stat.S_ISBLK, "a device"),
+)  # fmt: skip
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 
@@ -86,7 +92,25 @@ def _existing(path: str | os.PathLike) -> Path:
         raise IsADirectoryError(f"{path}: found a folder, expected a file")
     if not exists:
         raise FileNotFoundError(f"{path}: no such file")
+    check_plain_file(path)
     return path
+
+
+def check_plain_file(path: str | os.PathLike) -> None:
+    """Raise where there is something else than a file or folder: reading a pipe may never end.
+
+    Raises
+    ------
+    ValueError
+        Naming the path, and the kind of a pipe, a socket or a device.
+    """
+    try:
+        mode = os.stat(path).st_mode
+    except (OSError, ValueError):
+        return  # whoever opens it says why it cannot
+    if not (stat.S_ISREG(mode) or stat.S_ISDIR(mode)):
+        kind = next((name for is_kind, name in _SPECIAL if is_kind(mode)), "a special file")
+        raise ValueError(f"{path}: found {kind}, expected a file")
 
 
 def write_text(path: str | os.PathLike, text: str) -> None:

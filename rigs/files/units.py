@@ -20,6 +20,7 @@ _METRES = {
     "ft": 0.3048,
 }
 UNKNOWN = "unit"  #: length unit of rigs from formats that name none
+UNITS = (*_METRES, UNKNOWN)  #: all that are known
 #: Figures of ``rig.calibration`` that are lengths, at any depth.
 _LENGTHS = {
     "ray_miss",

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.text import shortened
+from rigs.files.text import check_plain_file, shortened
 from rigs.geometry.rotation import rotation
 
 logger = logging.getLogger(__name__)
@@ -24,17 +24,26 @@ _RIGID = 1e-4  # deviation from orthonormal of rotations stored with few digits
 
 def read_head(path: Path) -> str:
     """Return a file's first characters, by which its format is recognised."""
+    check_plain_file(path)
     with path.open("rb") as file:
         return file.read(_HEAD).decode("utf-8-sig", "replace").replace("\r\n", "\n")
 
 
+LARGEST = 1e30
+"""Numbers of cameras are below it: their tenth powers, which lenses have, are still finite."""
+
+
 @contextmanager
 def errors_of(where: object) -> Iterator[None]:
-    """Put ``where``, a file or a camera, before the one line of a ValueError."""
+    """Put ``where``, a file or a camera, before the one line of a ValueError.
+
+    It is left out where the line begins with it.
+    """
     try:
         yield
     except ValueError as error:
-        raise ValueError(" ".join(f"{where}: {error}".split())) from None
+        line = str(error).removeprefix(f"{where}: ")
+        raise ValueError(" ".join(f"{where}: {line}".split())) from None
 
 
 @contextmanager
@@ -54,8 +63,10 @@ def as_number(found: Any, what: str) -> float:
         number = math.nan if isinstance(found, bool) else float(found)
     except (TypeError, ValueError, OverflowError):
         number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{what}: found {shortened(found)}, expected a finite number")
+    if not abs(number) < LARGEST:  # nor NaN
+        raise ValueError(
+            f"{what}: found {shortened(found)}, expected a finite number below {LARGEST:g}"
+        )
     return number
 
 
@@ -105,7 +116,7 @@ def as_array(found: object, shape: tuple[int | None, ...], what: str) -> NDArray
     fits = array.ndim == len(shape) and all(
         want in (None, have) for want, have in zip(shape, array.shape, strict=True)
     )
-    if not fits or not np.isfinite(array).all():
+    if not fits or not (np.abs(array) < LARGEST).all():
         wanted = "" if shape == (None,) else " x ".join(map(str, shape)) + " "
         raise ValueError(f"{what}: found {shortened(found)}, expected {wanted}finite numbers")
     return array
@@ -117,7 +128,7 @@ def flat(found: object, what: str) -> NDArray[np.float64]:
         array = np.array(found, np.float64).reshape(-1)
     except (TypeError, ValueError, OverflowError):
         array = np.array([np.nan])
-    if not np.isfinite(array).all():
+    if not (np.abs(array) < LARGEST).all():
         raise ValueError(f"{what}: found {shortened(found)}, expected finite numbers")
     return array
 

@@ -4,9 +4,10 @@ Read only. After ``NVM_V3`` come the number of images and their lines. The rotat
 camera in OpenCV's axes, C the camera's centre. ``NVM_V3_R9T`` has nine numbers of R and three of t
 in their place. The principal point is the image's middle; ``NVM_V3 FixedK fx cx fy cy`` gives it,
 and both focal lengths, for all. k bends the image towards the pinhole, p' = p (1 + k |p|^2) with p
-in focal lengths from the principal point: such a camera becomes a table of rays. Spaces in names
-are written as ``"``. Image sizes are those of the images, else asked for; there is no unit. A file
-may hold several models: the first is read, and a warning names the others. Source:
+in focal lengths from the principal point: a radial lens is fitted, and where none fits, the camera
+becomes a table of rays. Spaces in names are written as ``"``. Image sizes are those of the images,
+else asked for; there is no unit. A file may hold several models: the first is read, and a warning
+names the others. Source:
 http://ccwu.me/vsfm/doc.html#nvm; ``DataInterface.h`` of Multicore Bundle Adjustment,
 http://grail.cs.washington.edu/projects/mcba.
 """
@@ -15,6 +16,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path, PurePosixPath
@@ -25,6 +27,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import iter_lines, shortened
 from rigs.formats._image_size import check_table_size, image_listed, required_size
+from rigs.formats._radial_lens import radial_lens
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -43,6 +46,8 @@ logger = logging.getLogger(__name__)
 
 _HEADS = {"NVM_V3": 4, "NVM_V3_R9T": 9}  # and how many numbers turn a camera
 _DIGITS = 18  # of a count that are read; a file of more lines than they count does not exist
+_RADII = 1000  # between the middle of an image and its farthest corner, where a lens is fitted
+_CLOSE_ENOUGH = 1e-3  # pixels: a tenth of what calibrations reach
 _FIXED = ("fx", "cx", "fy", "cy")
 _FIELDS = {
     "image_size": "image",
@@ -139,12 +144,25 @@ def _image(
 
 
 def _bent(camera: Camera, k: float) -> CameraLike:
-    """Return the camera whose images bend by k: a table of rays, where k is not 0."""
+    """Return the camera whose images bend by k: with a lens fitted, whose error is logged.
+
+    It is a table of rays, exact, where no lens fits.
+    """
     if k == 0:
         return camera
+    K, (width, height) = camera.camera_matrix, camera.image_size
+    corners = np.array([[x, y] for x in (-0.5, width - 0.5) for y in (-0.5, height - 0.5)])
+    farthest = np.linalg.norm((corners - K[:2, 2]) / np.diag(K)[:2], axis=1).max()
+    radius = np.linspace(0, farthest, _RADII)
+    lens, error = radial_lens(radius * (1 + k * radius**2), radius)
+    error *= float(np.diag(K)[:2].max())
+    if error < _CLOSE_ENOUGH:
+        logger.warning(
+            "camera %s: k: a lens of rig.yaml was fitted, to %.1g pixels", camera.name, error
+        )
+        return replace(camera, distortion=lens)
     with errors_of(f"camera {camera.name}"):
         check_table_size(camera.image_size)
-    K = camera.camera_matrix
     plane = (pixel_centres(camera.image_size) - K[:2, 2]) / np.diag(K)[:2]
     q = np.sum(plane**2, axis=1, keepdims=True)
     straight = np.where(1 + 3 * k * q > 0, plane * (1 + k * q), np.nan)  # before the fold

@@ -206,7 +206,11 @@ def load(
     path = Path(path)
     name = _known(format, names(), "read").name if format else sniff(path)
     path, _ = (_recognised(path, (name,)) if path.is_dir() else None) or (path, name)
-    rig = FORMATS[name].module.load(path, image_size)
+    try:
+        rig = FORMATS[name].module.load(path, image_size)
+    except ArithmeticError as error:  # whatever a format computes of numbers that are far off
+        reason = " ".join(str(error.args[-1] if error.args else error).split())
+        raise ValueError(f"{path}: found numbers that no camera has: {reason}") from None
     with errors_of_file(path):
         for camera in rig:
             if image_size is not None and camera.image_size != tuple(image_size):

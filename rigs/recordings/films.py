@@ -14,6 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigs.files.text import check_plain_file
 from rigs.recordings.recording import Recording
 from rigs.recordings.write import TIFF_SUFFIXES
 
@@ -92,6 +93,8 @@ def is_film(path: Path) -> bool:
     if path.is_dir():
         return _format_of_folder(path) != "image_sequence"
     suffix = path.suffix.lower()
+    if not path.is_file():
+        return False
     if suffix in TIFF_SUFFIXES:
         return import_module("rigs.recordings.film_formats.tiff_stack").is_stack(path)
     return suffix in FILM_SUFFIXES or suffix in CONTAINER_SUFFIXES
@@ -128,6 +131,7 @@ def open_recording(path: str | os.PathLike, raw: RawLayout | None = None) -> Rec
     file, member = split_member(path)
     if not file.exists():
         raise FileNotFoundError(f"{file}: no such recording")
+    check_plain_file(file)
     if raw is not None:
         return _reader("raw_film", "RawFilm")(file, raw)
     if file.is_dir():

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
+from rigs.files.text import check_plain_file
 from rigs.recordings.still import Still
 from rigs.recordings.stills import IMAGE_SUFFIXES, read_still
 from rigs.recordings.tiff import TIFF_MARKS, tiff_page
@@ -91,6 +92,7 @@ def read_with_full_scale(
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         expected = ", ".join(IMAGE_SUFFIXES)
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
+    check_plain_file(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
     still = read_still(path)
@@ -156,6 +158,7 @@ def is_integer_image(path: str | os.PathLike) -> bool:
     ValueError
         If it is a TIFF that cannot be read. Other formats hold nothing but integers.
     """
+    check_plain_file(path)
     with open(path, "rb") as file:
         if file.read(2) not in TIFF_MARKS:
             return True

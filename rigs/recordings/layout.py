@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from itertools import takewhile
 from pathlib import Path
 
@@ -18,6 +18,7 @@ ONLY = "0"
 
 _BETWEEN = "_-. "  # stand between a camera's name and a frame's
 _EXAMPLE = "{camera}_{frame}.tif"
+_TOUCHING = re.compile(r"\{camera\}\{frame\}|\{frame\}\{camera\}")
 _LAYOUTS = "cam00/0001.tif, cam00/cam00_0001.tif, cam00_0001.tif or cam00.tif"
 
 
@@ -78,6 +79,13 @@ def find_images(
         camera: dict(sorted(images[camera].items(), key=lambda item: natural(item[0])))
         for camera in sorted(images, key=natural)
     }
+
+
+def cameras_and_frames(images: Mapping[str, Collection[str]]) -> str:
+    """Return the cameras of images, and how many frames each has, in words."""
+    counts = {camera: len(frames) for camera, frames in images.items()}
+    each = ", ".join(f"{camera} ({count})" for camera, count in counts.items())
+    return f"images of {len(counts)} cameras, and how many of each: {each}"
 
 
 def natural(name: str) -> list[tuple[int, int | str]]:
@@ -212,13 +220,37 @@ def _by_pattern(
         )
     if pattern.startswith("/") or ".." in pattern.split("/") or "\\" in pattern:
         raise ValueError(f"pattern: found {pattern!r}, expected a path inside {folder}")
-    one_of = "[^/]+" if cameras is None else "|".join(map(re.escape, cameras))
-    meanings = {"{camera}": f"(?P<camera>{one_of})", "{frame}": "(?P<frame>[^/]+?)", "*": "[^/]*"}
-    texts = re.split(r"(\{camera\}|\{frame\}|\*)", pattern)
-    fits = re.compile("".join(meanings.get(text) or re.escape(text) for text in texts))
     paths = sorted(folder.glob("/".join(["*"] * (pattern.count("/") + 1))))
+    known = [None] if cameras is None else sorted(cameras, key=len, reverse=True)
+    fits = [re.compile(_expression(pattern, camera)) for camera in known]
     for path in paths:
-        match = fits.fullmatch(path.relative_to(folder).as_posix())
-        if match is not None and path.is_file() and not path.name.startswith("."):
-            named = match.groupdict()
-            yield named["camera"], named.get("frame", ONLY), path
+        inside = path.relative_to(folder).as_posix()
+        found = list(filter(None, (one.fullmatch(inside) for one in fits)))
+        if not found or not path.is_file() or path.name.startswith("."):
+            continue
+        named = [match.groupdict() for match in found]
+        if len(named) > 1 and _TOUCHING.search(pattern):
+            raise ValueError(
+                f"{path}: pattern: found a name that fits the cameras {named[0]['camera']} and "
+                f"{named[1]['camera']}, expected one: a pattern with a sign between camera and "
+                "frame, or other names"
+            )
+        yield named[0]["camera"], named[0].get("frame", ONLY), path
+
+
+def _expression(pattern: str, camera: str | None) -> str:
+    """Return the regular expression of a pattern, for one camera where it is named.
+
+    Where a camera and a frame touch, the frame takes all digits: ``left12`` is ``left``, ``12``.
+    """
+    meanings = {
+        "{camera}": f"(?P<camera>{'[^/]+' if camera is None else re.escape(camera)})",
+        "{frame}": "(?P<frame>[^/]+?)",
+        "*": "[^/]*",
+    }
+    texts = [text for text in re.split(r"(\{camera\}|\{frame\}|\*)", pattern) if text]
+    found = "".join(meanings.get(text) or re.escape(text) for text in texts)
+    if camera is None and _TOUCHING.search(pattern):
+        between = found.index(")(?P<") + 1
+        found = f"{found[:between]}(?:(?<!\\d)|(?!\\d)){found[between:]}"
+    return found

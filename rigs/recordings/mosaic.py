@@ -19,6 +19,12 @@ PATTERNS = ("RGGB", "BGGR", "GRBG", "GBRG")
 COLOURS = ("r", "g", "g2", "b")
 """The four pixels of every 2 x 2: g is the green one of the first row, g2 that of the second."""
 
+
+def is_channel(name: object) -> bool:
+    """Return whether a name is that of a colour, or a number of a recording's channel."""
+    return name in COLOURS or (isinstance(name, str) and name.isascii() and name.isdigit())
+
+
 _STEP = 2  # rows, and columns, from a pixel to the next of its colour
 
 

@@ -58,6 +58,9 @@ class Recording(Protocol):
         Lines that a user should know of the numbers, such as that they are not linear in light.
     is_mosaic : bool
         Whether the file says that neighbouring pixels have filters of different colours.
+    channels : tuple of str
+        Names of the images that were recorded at each moment: filters, dyes. Where there are
+        several, `read_channel` takes the number of one.
     """
 
     n_frames: int
@@ -67,6 +70,7 @@ class Recording(Protocol):
     timestamps: NDArray[np.float64] | None
     notes: tuple[str, ...]
     is_mosaic: bool
+    channels: tuple[str, ...]
 
     def read(self, index: int) -> NDArray:
         """Return a frame ``(height, width)``, counted from 0.
@@ -77,6 +81,23 @@ class Recording(Protocol):
             If there is no such frame.
         FrameError
             If it cannot be decoded; the message names file and frame.
+        """
+
+    def read_channel(self, index: int, channel: str | None) -> NDArray:
+        """Return one channel of a frame, the frame itself for None.
+
+        Parameters
+        ----------
+        index : int
+        channel : str or None
+            The number of one of `channels`, from 0, or r, g or b of frames in colour.
+
+        Raises
+        ------
+        IndexError
+            See `read`.
+        FrameError
+            If it cannot be decoded, or there is no such channel.
         """
 
 
@@ -120,10 +141,23 @@ class Reopened:
 
     path: Path
     is_mosaic: bool = False
+    channels: tuple[str, ...] = ("0",)
 
     def _opened_by(self) -> tuple:
         """Return what the class was called with."""
         return (self.path,)
+
+    def read(self, index: int) -> NDArray:
+        """Return a frame, see `Recording.read`."""
+        raise NotImplementedError
+
+    def read_channel(self, index: int, channel: str | None) -> NDArray:
+        """Return a frame of a format without channels, see `Recording.read_channel`."""
+        if channel is not None:
+            raise FrameError(
+                self.path, index, f"channel: found {channel!r}, expected none: frames have one"
+            )
+        return self.read(index)
 
     def __reduce__(self) -> tuple:
         return type(self), self._opened_by()

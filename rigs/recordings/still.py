@@ -84,7 +84,7 @@ class Still:
             self._check_alpha(self.pixels[:, :, -1])
         if count <= 2:
             return self.pixels[:, :, 0]
-        if channel is not None:
+        if channel in CHANNELS:
             return self.pixels[:, :, CHANNELS.index(channel)]
         red, *others = np.moveaxis(self.pixels[:, :, :3], -1, 0)
         if not all(np.array_equal(red, other) for other in others):

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.files.text import check_plain_file
 from rigs.recordings.netpbm import is_netpbm, netpbm_size, read_netpbm
 from rigs.recordings.still import Still
 from rigs.recordings.tiff import TIFF_MARKS, read_tiff, tiff_page
@@ -59,6 +60,7 @@ def read_still(path: str | os.PathLike) -> Still:
     formats for measurements.
     """
     path = Path(path)
+    check_plain_file(path)
     content = path.read_bytes()
     with errors_of_libraries(f"{path}: not a readable image"):
         if content.startswith(TIFF_MARKS):
@@ -77,6 +79,7 @@ def image_size(path: str | os.PathLike) -> tuple[int, int]:
         If the file cannot be opened.
     """
     path = Path(path)
+    check_plain_file(path)
     content = path.read_bytes()
     with errors_of_libraries(f"{path}: not a readable image"):
         if is_netpbm(content):

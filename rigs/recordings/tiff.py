@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim
 from rigs.recordings.still import Still
+from rigs.recordings.tiff_planes import check_chain
 
 if TYPE_CHECKING:
     import tifffile
@@ -151,6 +152,7 @@ def image_page(file: tifffile.TiffFile) -> tifffile.TiffPage:
         raise ValueError(
             "found more than one page, expected one: store the frames as one file each"
         )
+    check_chain(file)
     return largest
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.text import write_bytes
+from rigs.files.text import check_plain_file, write_bytes
 from rigs.scene.mesh import LARGEST, Mesh
 
 SUFFIXES = ("stl", "obj", "ply", "glb")
@@ -33,6 +33,7 @@ def read_mesh(path: str | os.PathLike) -> tuple[NDArray[np.float64], NDArray[np.
     suffix = path.suffix.lower().lstrip(".")
     if suffix not in SUFFIXES:
         raise ValueError(f"found a .{suffix} file, expected one of {', '.join(SUFFIXES)}")
+    check_plain_file(path)
     size = path.stat().st_size
     if size > LARGEST * 100:
         raise ValueError(

@@ -339,3 +339,17 @@ def test_bad_lenses_are_named():
         Distortion("tilted", (0,) * 12 + (1.6, 0))
     with pytest.raises(ValueError, match=r"optics\.f_number: found -1"):
         Optics(f_number=-1)
+
+
+@pytest.mark.parametrize(
+    ("matrix", "message"),
+    [
+        ([[1e300, 0, 4], [0, 1e300, 4], [0, 0, 1]], r"1e\+300 .* at most 1e\+09 pixels"),
+        ([[80, 0, 4], [0, 8000, 4], [0, 0, 1]], "expected a ratio of at most 10"),
+        ([[8000, 0, 4], [0, 80, 4], [0, 0, 1]], "expected a ratio of at most 10"),
+        ([[80, 1e6, 4], [0, 80, 4], [0, 0, 1]], r"a skew of 1e\+06, expected at most"),
+    ],
+)
+def test_camera_matrices_that_no_camera_has_are_refused(matrix, message):
+    with pytest.raises(ValueError, match=f"camera c: camera_matrix: found .*{message}"):
+        Camera("c", (9, 9), matrix)

@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 import psutil
 
+from tomo._compute.control_groups import left_in_groups
+
 LIBRARIES_TAKE, A_THREAD_TAKES = 2_000_000_000, 75_000_000
 """Bytes of address space, most of it never touched: code, and stacks and heaps of threads."""
-
-_CGROUP = Path("/sys/fs/cgroup")
 
 
 def available_memory() -> int:
@@ -20,7 +19,7 @@ def available_memory() -> int:
     What the system has free, or less where a container, a batch system or ``ulimit -v`` allows
     less.
     """
-    limits = [psutil.virtual_memory().available, _left_in_container(), _left_of_address_space()]
+    limits = [psutil.virtual_memory().available, left_in_groups(), _left_of_address_space()]
     return max(min(limit for limit in limits if limit is not None), 0)
 
 
@@ -51,26 +50,6 @@ def peak_memory() -> int:
         return 0
     largest = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     return largest if sys.platform == "darwin" else largest * 1024
-
-
-def _left_in_container(cgroup: Path = _CGROUP) -> int | None:
-    """Return what a control group (version 2) leaves; None where it sets no limit."""
-    try:
-        limit = (cgroup / "memory.max").read_text("ascii").strip()
-        used = int((cgroup / "memory.current").read_text("ascii"))
-        used -= _given_back_on_demand(cgroup)
-        return None if limit == "max" else int(limit) - used
-    except (OSError, ValueError):
-        return None
-
-
-def _given_back_on_demand(cgroup: Path) -> int:
-    """Return the bytes of files that a control group keeps in memory while nobody needs it."""
-    try:
-        lines = (cgroup / "memory.stat").read_text("ascii").splitlines()
-        return next(int(line.split()[1]) for line in lines if line.startswith("inactive_file "))
-    except (OSError, StopIteration):
-        return 0
 
 
 def _left_of_address_space() -> int | None:

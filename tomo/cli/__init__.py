@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import sys
 
 
@@ -17,7 +18,10 @@ def main(*verb: str) -> None:
 
     def command() -> None:
         from tomo.cli.app import app
+        from tomo.cli.console import Escaped
 
+        if logging.lastResort is not None:  # where no program has set up its own
+            logging.lastResort.setFormatter(Escaped())
         app([*verb, *sys.argv[1:]], prog_name="flametomo")
 
     run(command)

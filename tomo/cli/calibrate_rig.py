@@ -155,6 +155,7 @@ def calibrate_rig(
         from rigs.calibrate import image_set, parse_target
         from rigs.calibrate.detect.split_sets import check_not_split
         from rigs.files.json_file import write_json
+        from rigs.recordings.layout import cameras_and_frames
         from tomo.draw.calibration import write_calibration_page
 
         flat, volume = parse_target(target), given_volume(grid, spacing, center)
@@ -163,6 +164,8 @@ def calibrate_rig(
         if pattern is None:
             check_not_split(images, bool(intrinsics or intrinsics_images))
         found = image_set(images, every, strays.append, **naming)
+        if pattern is not None:
+            say(cameras_and_frames(found))
         optical, windows = given_scene(scene, refine_window or [], length_unit)
         calibration = calibrate(
             found,

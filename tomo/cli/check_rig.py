@@ -125,11 +125,10 @@ def check_rig(
         for path in out:
             visualize_check(path, check, images=pictures, title=heading)
     if not json:
-        from rich.console import Console
-
+        from rigs.progress import console
         from tomo.draw.rig.rig_page import COARSER_IN_WORDS
 
-        stdout = Console()
+        stdout = console()
         stdout.width = max(stdout.width, 110)  # piped, it would be 80
         stdout.print(_table(check))
         stdout.print(f"{COARSER_IN_WORDS}\n", highlight=False)

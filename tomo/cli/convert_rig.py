@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from tomo.cli.console import JsonFlag, print_json
+from tomo.cli.console import JsonFlag, print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
 from tomo.cli.rig_changes import (
@@ -124,11 +124,11 @@ def convert_rig(
         "notes": notes,
     }
     for note in notes:
-        typer.echo(f"note: {note}", err=True)
+        say(f"note: {note}")
     if as_json:
         print_json(result)
     else:
-        typer.echo(f"{target}: {len(rig)} cameras in {rig.length_unit}, from {found}", err=True)
+        say(f"{target}: {len(rig)} cameras in {rig.length_unit}, from {found}")
 
 
 def _parse_size(text: str | None) -> tuple[int, int] | None:

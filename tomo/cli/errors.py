@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import errno
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
 
 import typer
+
+from rigs.progress import printable
 
 _ABOUT_A_PATH = (
     FileNotFoundError,
@@ -29,6 +32,7 @@ def bad_input_in_one_line() -> Iterator[None]:
 
     try:
         check_address_space()
+        _check_compiling()
         yield
     except BrokenPipeError:
         raise  # typer ends the command quietly
@@ -47,9 +51,18 @@ def bad_input_in_one_line() -> Iterator[None]:
         )
 
 
+def _check_compiling() -> None:
+    """Raise where numba is told to compile nothing: what takes seconds would take hours."""
+    if os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0"):
+        raise ValueError(
+            f"NUMBA_DISABLE_JIT: found {os.environ['NUMBA_DISABLE_JIT']!r} in the environment, "
+            "expected none: loops would not be compiled, and take a thousand times as long"
+        )
+
+
 def end(line: str, code: int) -> NoReturn:
     """End the command with one line on stderr and an exit code."""
-    typer.echo(line, err=True)
+    typer.echo(printable(line), err=True)
     raise typer.Exit(code) from None
 
 

@@ -84,7 +84,11 @@ def reconstruct(
     ] = None,
     channel: Annotated[
         str | None,
-        typer.Option(metavar="r|g|b", help="The colour to reconstruct of images in colour."),
+        typer.Option(
+            metavar="r|g|b|N",
+            help="The colour to reconstruct of images in colour, or the channel of films with "
+            "several, from 0.",
+        ),
     ] = None,
     scale: Annotated[
         int, typer.Option(help="Shrink the images by area means; in Python scan.scaled(N).", min=1)
@@ -202,6 +206,7 @@ def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
 
 
 def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None) -> Scan:
+    from rigs.recordings.layout import cameras_and_frames
     from tomo import load_scan, scan_of_images
 
     if pattern is not None and rig is None:
@@ -209,7 +214,14 @@ def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str
     if scan is not None and rig is None:
         return load_scan(scan, images)
     if scan is None and rig is not None and images is not None:
-        return scan_of_images(rig, images, pattern)
+        found = scan_of_images(rig, images, pattern)
+        if pattern is not None:
+            each = {
+                name: [f.name for f in found.frames if name in f.images]
+                for name in found.rig.names
+            }
+            say(cameras_and_frames(each))
+        return found
     raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -42,9 +43,17 @@ class OneLineUsage(TyperCommand):
         """Return the context of the parsed arguments, or say in one line what is wrong."""
         given = list(args)  # parsing takes them away
         try:
-            return super().make_context(info_name, args, *rest, **extra)
+            context = super().make_context(info_name, args, *rest, **extra)
         except UsageError as error:
             _end(error, given)
+        if "" in given:  # as a path it would be the present folder
+            parsed, _, _ = self.make_parser(context).parse_args(list(given))
+            for param in self.params:
+                if parsed.get(param.name) == "" and isinstance(context.params[param.name], Path):
+                    name = param.opts[-1] if param.param_type_name == "option" else param.metavar
+                    see = f"see {context.command_path} --help"
+                    end(f"error: {name}: found '', expected a path; {see}", 2)
+        return context
 
     def collect_usage_pieces(self, ctx: Any) -> list[str]:
         """Return the parts of the usage line."""

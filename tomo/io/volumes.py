@@ -107,6 +107,8 @@ def read_volume_with_unit(
                 data.shape, _three(edges, "spacing"), _three(origin, "origin")
             )
         _check_finite(data, allow_nan)
+        if np.isnan(data).all():
+            raise ValueError("found NaN in every voxel, expected some finite values")
         check_length_unit(length_unit)
         _check_value_unit(value_unit)
     return data, grid, length_unit, value_unit

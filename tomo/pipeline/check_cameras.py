@@ -14,9 +14,11 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
     Raises
     ------
     ValueError
-        If all cameras have one, and `Options.screen` is on: no volume comes of it.
+        If all cameras have one, or one stands inside the grid, and `Options.screen` is on: no
+        volume comes of it.
     """
     lines = []
+    where = "" if scan.source is None else f"{scan.source}: "
     for error in convention_errors_in(scan.rig, grid):
         everyone = set(error.cameras) >= set(scan.rig.names)
         who = "all cameras" if everyone else f"camera {', '.join(error.cameras)}"
@@ -25,7 +27,16 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
             "the cameras see"
         )
         if everyone and options.screen:
-            where = "" if scan.source is None else f"{scan.source}: "
             raise ValueError(f"{where}{line}. --no-screen reconstructs all the same")
         lines.append(line)
+    for camera in scan.rig if options.screen else ():
+        if ((camera.position > grid.lower) & (camera.position < grid.upper)).all():
+            why = "".join(
+                f"; {line}" for line in lines if line.startswith(f"camera {camera.name}:")
+            )
+            raise ValueError(
+                f"{where}camera {camera.name}: found its position inside the grid, expected it "
+                f"outside: correct the rig, or take a smaller grid{why}. --no-screen reconstructs "
+                "all the same"
+            )
     return lines

@@ -13,7 +13,7 @@ from rigs.files.messages import dotted, first_problem
 from rigs.files.schema import Number, Text, VolumeEntry, Whole
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.recordings import MOST_BITS
-from rigs.recordings.mosaic import COLOURS, PATTERNS
+from rigs.recordings.mosaic import COLOURS, PATTERNS, is_channel
 from rigs.recordings.stored_pixels import PIXEL_TYPES
 
 SCAN_FORMAT = "emission-scan"
@@ -144,7 +144,11 @@ _Transmission = _one_or_each(
 )
 _BitDepth = _one_or_each(f"a whole number from 1 to {MOST_BITS}", _is_bit_depth)
 _Bayer = _one_or_each(f"one of {', '.join(PATTERNS)}", lambda v: v in PATTERNS)
-_Channel = _one_or_each(f"one of {', '.join(COLOURS)}", lambda v: v in COLOURS)
+_Channel = _one_or_each(
+    f"one of {', '.join(COLOURS)}, or a film's channel, counted from 0",
+    is_channel,
+    lambda v: str(v) if type(v) is int else v,
+)
 
 
 class _Corrections(_Strict):

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings.mosaic import COLOURS, Mosaic
+from rigs.recordings.mosaic import COLOURS, Mosaic, is_channel
 from rigs.recordings.still import CHANNELS
 from tomo.measurement import DeadLines, find_dead_lines
 from tomo.measurement.stored_bits import FULL, StoredBits, stored_bits
@@ -51,7 +51,7 @@ class Corrections:
         the pixels of ``channel`` become an image with rays of its own.
     channel : str, or a mapping to str
         ``r``, ``g`` or ``b``: the colour of an image in colour or of a mosaic, which has ``g2``
-        too.
+        too. ``"0"``, ``"1"`` ...: the channel of a film that has several.
     """
 
     dark: float | Path | NDArray | Mapping[str, float | Path | NDArray] | None = None
@@ -92,8 +92,8 @@ class Corrections:
         """
         bayer, channel = self.of("bayer", camera), self.of("channel", camera)
         if bayer is None:
-            if channel is not None and channel not in CHANNELS:
-                expected = f"one of {', '.join(CHANNELS)}"
+            if channel is not None and (channel == "g2" or not is_channel(channel)):
+                expected = f"one of {', '.join(CHANNELS)}, or a film's channel, counted from 0"
                 raise ValueError(
                     f"camera {camera}: channel: found {channel!r}, expected {expected}"
                 )

@@ -95,9 +95,11 @@ class FilmFrame:
         """Name the file and the frame."""
         return f"{self.film.path}: frame {self.place}"
 
-    def read(self) -> NDArray:
-        """Return the pixels as stored, see `rigs.recordings.Recording`."""
-        return self.film.recording.read(self.place)
+    def read(self, channel: str | None = None) -> NDArray:
+        """Return the pixels as stored, see `rigs.recordings.Recording.read_channel`."""
+        if channel is None:
+            return self.film.recording.read(self.place)
+        return self.film.recording.read_channel(self.place, channel)
 
 
 def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:

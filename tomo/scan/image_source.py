@@ -67,8 +67,9 @@ def read_intensities(
         elif isinstance(image, FilmFrame):
             film = image.film.recording
             check_pattern(image, film.is_mosaic, colours["bayer"])
+            channel = None if colours["bayer"] else colours["channel"]
             values, full_scale = intensities_with_full_scale(
-                image.read(), image, bit_depth or film.bit_depth, usable
+                image.read(channel), image, bit_depth or film.bit_depth, usable
             )
         else:
             values, full_scale = intensities_with_full_scale(

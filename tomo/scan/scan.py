@@ -256,7 +256,7 @@ class Scan(ScanImages):
 
         Parameters
         ----------
-        channel : {"r", "g", "b"}
+        channel : {"r", "g", "b"}, or "0", "1" ... of films with several channels
             A mosaic without one is refused.
         bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
             The order of the colours on the sensors, see `rigs.recordings.Mosaic`: cameras and

@@ -16,6 +16,7 @@ from contextlib import contextmanager, suppress
 from functools import partial
 from typing import TYPE_CHECKING, cast
 
+from rigs.files.text import shortened
 from tomo.operators.system import Progress
 from tomo.series.frames import blocks_of
 from tomo.series.plan import Plan
@@ -117,7 +118,8 @@ def _check_address(address: str) -> None:
         parse_host_port(place)
     except ValueError as error:
         raise ValueError(
-            f"scheduler: found {address!r}, expected an address like tcp://host:8786 ({error})"
+            f"scheduler: found {shortened(address)}, expected an address like tcp://host:8786 "
+            f"({shortened(str(error))})"
         ) from None
     settings = Security()
     files = settings.get_tls_config_for_role("client")

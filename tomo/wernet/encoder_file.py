@@ -11,6 +11,7 @@ import torch
 
 from rigs.files import atomic_path
 from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.files.text import check_plain_file
 from tomo.wernet.default.encoder import CorrectionEncoder
 from tomo.wernet.paper.encoder import WeightEncoder
 
@@ -109,6 +110,7 @@ def load_tensors(path: Path, expected: str) -> dict[str, Any]:
     ValueError
         If it cannot be read; the message names the ``expected`` content.
     """
+    check_plain_file(path)
     try:
         with zipfile.ZipFile(path) as archive:  # torch.save writes zip archives
             members = archive.infolist()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bisect
 import os
+import re
 import threading
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from rigs.recordings.film_formats.video_opencv import DECODING
+from rigs.recordings.film_formats.video_opencv import DECODING, TWO_BYTES
 from rigs.recordings.notes import lossy_note
 from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors, needs
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
 _TIMED = {"mp4", "matroska"}  # FFmpeg's names of formats that say when each picture is shown
+_FIVE_BITS = re.compile("(rgb|bgr)5[56]")  # FFmpeg's names of pixels of two bytes
 _GREY = {8: "gray", 9: "gray9le", 10: "gray10le", 12: "gray12le", 14: "gray14le", 16: "gray16le"}
 
 
@@ -60,6 +62,10 @@ class Video(Reopened):
                 self.frame_rate = float(rate) if rate else None
                 self.image_size = (stream.width, stream.height)
                 check_claim(DECODING * stream.width * stream.height, self.path.stat().st_size)
+                if stream.codec_context.name == "rawvideo" and _FIVE_BITS.match(
+                    stream.format.name
+                ):
+                    raise ValueError(TWO_BYTES)
                 bits = max((one.bits for one in stream.format.components), default=8)
             self.bit_depth = next((one for one in _GREY if one >= bits), 16)
             self.n_frames, self.timestamps = self._indexed()

@@ -20,6 +20,16 @@ if TYPE_CHECKING:
 DECODING = 12
 """Bytes of memory a pixel, while a decoder turns a picture into colours and these into grey."""
 
+TWO_BYTES = (
+    "found raw pixels of two bytes each, which are grey levels of 16 bits or three colours of 5: "
+    "the file does not say. Write it as TIFF, or give raw: in scan.yaml with header_bytes and "
+    "gap_bytes of its frames"
+)
+"""The message on videos that decoders take for colours, and cameras mean as grey levels."""
+
+_UNCLEAR = (b"RGB\x0f", b"RGB\x10", b"BGR\x0f", b"BGR\x10")
+"""FFmpeg's names of raw pixels of two bytes each: 5 or 6 bits a colour."""
+
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
 
 
@@ -54,8 +64,11 @@ class OpenCVVideo(Reopened):
             self.frame_rate = rate if 0 < rate < 1e9 else None
             size = video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)
             self.image_size = (int(size[0]), int(size[1]))
+            stored = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(8, "little")
             video.release()
         try:
+            if stored[:4] in _UNCLEAR:
+                raise ValueError(TWO_BYTES)
             check_claim(
                 DECODING * self.image_size[0] * self.image_size[1], self.path.stat().st_size
             )

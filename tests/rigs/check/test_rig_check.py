@@ -230,6 +230,11 @@ def test_a_part_too_small_for_a_tenth_of_a_per_cent_is_no_nothing():
     found(answer, "less than 0.1% of the volume is seen by no camera", "warning")
 
 
+def test_a_unit_that_nothing_can_convert_is_named():
+    answer = check(replace(a_ring(), length_unit="parsec"))
+    assert found(answer, "length_unit 'parsec' is none of m, dm, cm, mm", "warning")
+
+
 def test_a_camera_inside_the_volume_and_a_single_camera():
     inside = changed(a_ring(), lambda c: replace(c, t=-c.R @ [1.0, 2.0, 3.0]), "cam02")
     assert "cam02" in found(check(inside), "inside the volume", "fault").cameras

@@ -35,7 +35,8 @@ def random_rig(seed):
     cameras = []
     for index, (model, count) in enumerate(COUNTS.items()):
         R, t = look_at(rng.normal(size=3) * 1e3, rng.normal(size=3))
-        K = [[rng.uniform(1, 1e5), 0, rng.normal()], [0, rng.uniform(1, 1e5), 1e-7], [0, 0, 1]]
+        fx, ratio = rng.uniform(1, 1e5), rng.uniform(0.2, 5)
+        K = [[fx, 0, rng.normal()], [0, fx * ratio, 1e-7], [0, 0, 1]]
         lens = Distortion(model, tuple(rng.normal(size=count) * 10.0 ** rng.integers(-9, 0)))
         optics = Optics(f_number=2.8, focal_length=rng.uniform(1, 99)) if index % 2 else None
         status = ("calibrated", "nominal", "virtual")[index % 3]

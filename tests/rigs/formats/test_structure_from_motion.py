@@ -10,7 +10,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rigs import RayTable, formats, look_at
+from rigs import formats, look_at
 from rigs.formats import bundler, mvsnet, nvm
 
 SIZE = (640, 480)
@@ -126,10 +126,27 @@ def test_visualsfm_sees_as_its_documentation_says(tmp_path, r9t, k):
     rig = formats.load(file)
     assert rig.names == ("a", "b", "c")
     for camera, f, pose in zip(rig, (800, 810, 820), POSES, strict=True):
-        assert isinstance(camera, RayTable) == (k != 0)
         assert nvm_misfit(camera, f, k, pose) < 1e-6
         np.testing.assert_allclose(camera.position, -pose[0].T @ pose[1], atol=1e-6)
         assert camera.project(POINTS)[2].all()
+
+
+def test_a_lens_is_fitted_to_what_visualsfm_bends_and_its_error_said(tmp_path, caplog):
+    """A table of rays takes 50 bytes a pixel: gigabytes for a few images of 6 megapixels."""
+    file = tmp_path / "a.nvm"
+    file.write_text(model(-0.12, focal=(2600.0,) * 3))
+    with caplog.at_level(logging.WARNING):
+        rig = formats.load(file, image_size=(3072, 2048))
+    assert all(camera.has_lens_model for camera in rig)
+    assert "k: a lens of rig.yaml was fitted, to " in caplog.text
+
+
+def test_bends_that_no_lens_fits_become_tables_of_rays(tmp_path):
+    """At this k the image folds inside its corners."""
+    file = tmp_path / "a.nvm"
+    file.write_text(model(-1.5))
+    rig = formats.load(file, image_size=SIZE)
+    assert not any(camera.has_lens_model for camera in rig)
 
 
 def test_a_fixed_calibration_holds_for_all_images(tmp_path):

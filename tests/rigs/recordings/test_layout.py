@@ -7,7 +7,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from rigs.recordings import find_images
-from rigs.recordings.layout import how_to_name
+from rigs.recordings.layout import cameras_and_frames, how_to_name
 
 CAMERAS = ("cam00", "cam01", "cam10")
 
@@ -126,6 +126,25 @@ def test_a_pattern_without_a_frame_is_one_moment(make):
 def test_a_pattern_that_says_nothing_is_refused(make, pattern):
     with pytest.raises(ValueError, match="pattern: found"):
         find_images(make("cam00.tif"), None, pattern)
+
+
+@pytest.mark.parametrize("cameras", [None, ("left", "right")])
+@pytest.mark.parametrize("pattern", ["{camera}{frame}.tif", "{frame}{camera}.tif"])
+def test_a_frame_beside_the_camera_takes_all_digits(make, pattern, cameras):
+    numbers = [str(number) for number in range(1, 13)]
+    sides = ("left", "right")
+    files = [pattern.format(camera=side, frame=number) for side in sides for number in numbers]
+    found = find_images(make(*files), cameras, pattern)
+    assert {camera: list(frames) for camera, frames in found.items()} == {
+        side: numbers for side in sides
+    }
+    assert "left (12), right (12)" in cameras_and_frames(found)
+
+
+def test_a_name_that_fits_two_cameras_is_refused(make):
+    folder = make("cam101.tif", "cam11.tif")
+    with pytest.raises(ValueError, match=r"cam101\.tif: pattern: .* cameras cam10 and cam1, exp"):
+        find_images(folder, ("cam1", "cam10"), "{camera}{frame}.tif")
 
 
 def test_two_images_of_one_moment_are_refused(make):

@@ -12,18 +12,6 @@ def test_no_more_than_the_system_has():
     assert 0 < memory.available_memory() <= psutil.virtual_memory().total
 
 
-def test_a_container_s_limit_counts(tmp_path):
-    assert memory._left_in_container(tmp_path) is None
-    (tmp_path / "memory.current").write_text("300\n")
-    (tmp_path / "memory.max").write_text("1000\n")
-    assert memory._left_in_container(tmp_path) == 700
-    # files that were read are kept in memory until it is needed
-    (tmp_path / "memory.stat").write_text("anon 100\nactive_file 20\ninactive_file 180\n")
-    assert memory._left_in_container(tmp_path) == 880
-    (tmp_path / "memory.max").write_text("max\n")
-    assert memory._left_in_container(tmp_path) is None
-
-
 def test_a_limit_of_the_address_space_counts():
     code = (
         "import resource; from tomo._compute import memory;"

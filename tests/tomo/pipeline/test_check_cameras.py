@@ -38,8 +38,11 @@ def test_a_rig_in_metres_is_refused_unless_asked_for():
 
 def test_one_camera_in_metres_is_named():
     first, *others = RIG
-    (line,) = check_cameras(scan_of([in_metres(first), *others]), GRID, Options())
+    scan = scan_of([in_metres(first), *others])
+    (line,) = check_cameras(scan, GRID, Options(screen=False))
     assert line.startswith(f"camera {first.name}: t seems to be in metres")
+    with pytest.raises(ValueError, match=r"cam00: found its position inside .*in metres"):
+        check_cameras(scan, GRID, Options())
 
 
 def test_images_may_be_shrunk_where_the_check_of_rigs_says_so():
@@ -47,3 +50,11 @@ def test_images_may_be_shrunk_where_the_check_of_rigs_says_so():
     pixels, scale = scale_for(RIG, VoxelGrid((4, 6, 4), 5.0))
     assert pixels == pytest.approx(10, rel=0.1)
     assert scale == 5
+
+
+def test_a_camera_inside_the_grid_is_refused():
+    """Its rays begin in the light: hours and gigabytes for no volume."""
+    first, *others = RIG
+    inside = replace(first, t=-first.R @ np.asarray(GRID.center))
+    with pytest.raises(ValueError, match=f"camera {first.name}: found its position inside the gr"):
+        check_cameras(scan_of([inside, *others]), GRID, Options())

@@ -31,6 +31,10 @@ MOST_FITTED = 200
 """Largest number of kernel weights that are fitted, in pairs of pixels: more take seconds, and so
 wide a footprint leaves hardly a wave that pixels show."""
 
+WIDEST = 500
+"""Largest width of a footprint in pixels: its kernel takes 0.1 GB and a quarter of a second. Time
+and memory grow with the square; images whose voxels are wider are to be shrunk."""
+
 SUM_WEIGHT, VARIANCE_WEIGHT = 1e3, 0.1
 """Weights of the kernel's sum and of its second moments against the spectral misfit. Without the
 second, solvers undo a blur of long waves that is not there; a larger one widens thin blobs."""
@@ -85,7 +89,7 @@ def footprint_blur(
     Raises
     ------
     ValueError
-        If the grid's centre is behind a camera.
+        If the grid's centre is behind a camera, or a voxel is wider there than `WIDEST` pixels.
     """
     wider = variances or (0.0,) * len(rig)
     kernels = [
@@ -124,6 +128,13 @@ def _kernel_of(camera: CameraLike, grid: VoxelGrid, supersample: int) -> Kernel:
         raise ValueError(
             f"basis: camera {camera.name}: found the grid's centre out of its sight, expected it "
             "ahead"
+        )
+    width = float(np.abs(edges).sum(axis=0).max())
+    if width > WIDEST:
+        raise ValueError(
+            f"basis: camera {camera.name}: found a voxel {width:.3g} pixels wide at the grid's "
+            f"centre, expected at most {WIDEST}: shrink the images (--scale), take smaller voxels "
+            "or --basis voxel, or check the camera's focal length and distortion"
         )
     return _kept_kernel(tuple(edges.ravel().tolist()), supersample)
 

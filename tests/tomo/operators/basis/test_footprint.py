@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from rigs import Camera, Distortion, Rig
+from tomo import VoxelGrid
 from tomo.operators.basis import footprint
-from tomo.operators.basis.footprint import footprint_kernel
+from tomo.operators.basis.footprint import footprint_blur, footprint_kernel
 
 EDGES = np.diag([1.0, 1.2, 0.9])
 
@@ -73,3 +75,18 @@ def test_wide_footprints_are_transformed_as_well_as_fitted(turn, monkeypatch):
     for one in found:
         np.testing.assert_allclose(one, exact, rtol=0.06)
     assert not np.array_equal(*found)
+
+
+@pytest.mark.parametrize(
+    ("focus", "lens"),
+    [(1e9, Distortion()), (80.0, Distortion("fisheye", (1e9, 0, 0, 0)))],
+    ids=["focal length", "fisheye"],
+)
+def test_a_voxel_wider_than_any_kernel_is_refused_before_it_takes_memory(focus, lens):
+    K = [[focus, 0, 4], [0, focus, 4], [0, 0, 1]]
+    camera = Camera("cam00", (9, 9), K, lens, t=[1, 1, 100])
+    grid = VoxelGrid((8, 8, 8), 1.0)
+    with pytest.raises(
+        ValueError, match=r"basis: camera cam00: found a voxel .* expected at most"
+    ):
+        footprint_blur(Rig((camera,)), [np.arange(81)], np.ones(81, bool), grid)
