@@ -10,6 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tomo.cli.console import JsonFlag, print_json, say
+from tomo.cli.corrections import (
+    BayerOption,
+    BitDepthOption,
+    ChannelOption,
+    DarkOption,
+    FlatOption,
+    GainOption,
+    MaskOption,
+    SaturationOption,
+    corrected,
+)
 from tomo.cli.declared import declared_from, with_options_of
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
@@ -35,6 +46,7 @@ flametomo reconstruct scan -o out --hold-out cam02
 flametomo reconstruct scan -o out --method sirt --iterations 100
 flametomo reconstruct --rig rig.yaml --images images
     --grid 30x140x30 --spacing 0.5 -o out
+    --dark dark --bit-depth 12
 flametomo reconstruct scan -o out --bayer RGGB --channel g
 flametomo reconstruct scan --frames 0:1000:2 -o out.zarr
 """
@@ -74,18 +86,14 @@ def reconstruct(
     lower: LowerOption = None,
     upper: UpperOption = None,
     pattern: PatternOption = None,
-    bayer: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ORDER",
-            help="Images are mosaics of colour filters in this order, like RGGB: the pixels of "
-            "--channel are used, with rays of their own.",
-        ),
-    ] = None,
-    channel: Annotated[
-        str | None,
-        typer.Option(metavar="r|g|b", help="The colour to reconstruct of images in colour."),
-    ] = None,
+    dark: DarkOption = None,
+    flat: FlatOption = None,
+    gain: GainOption = None,
+    mask: MaskOption = None,
+    saturation: SaturationOption = None,
+    bit_depth: BitDepthOption = None,
+    bayer: BayerOption = None,
+    channel: ChannelOption = None,
     scale: Annotated[
         int, typer.Option(help="Shrink the images by area means; in Python scan.scaled(N).", min=1)
     ] = 1,
@@ -120,10 +128,11 @@ def reconstruct(
         from tomo import reconstruct as run
 
         options = declared_from(Options, _with_checkpoint(values, out))
-        loaded = _load(scan, rig, images, pattern)
-        if bayer is not None or channel is not None:
-            loaded = loaded.of_channel(channel and channel.lower(), bayer and bayer.upper())
-        loaded = loaded.scaled(scale)
+        corrections = {
+            "dark": dark, "flat": flat, "gain": gain, "mask": mask, "saturation": saturation,
+            "bit_depth": bit_depth, "bayer": bayer, "channel": channel,
+        }  # fmt: skip
+        loaded = corrected(_load(scan, rig, images, pattern), corrections).scaled(scale)
         if options.frames is None:
             for name, value in (("workers", workers), ("scheduler", scheduler)):
                 if value is not None:

@@ -57,6 +57,12 @@ def scan_of_images(
         settings |= {"frame_rate": frame_rate_of(films), "notes": notes_of_films(films)}
         moments = frames_of_films(films).items()
         return Scan(rig, tuple(Frame(*one) for one in moments), source=folder, **settings)
+    settings.setdefault("grid", grid_of_rig(rig))
+    return Scan(rig, frames_in(folder, rig, pattern), source=folder, **settings)
+
+
+def frames_in(folder: Path, rig: Rig, pattern: str | None) -> tuple[Frame, ...]:
+    """Return the frames of a folder's images, in natural order; errors as `scan_of_images`."""
     found = find_images(folder, rig.names, pattern)
     for camera in rig.names:
         if camera not in found:
@@ -65,9 +71,7 @@ def scan_of_images(
     for camera in rig.names:
         for frame, path in found[camera].items():
             frames.setdefault(frame, {})[camera] = path
-    settings.setdefault("grid", grid_of_rig(rig))
-    ordered = tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
-    return Scan(rig, ordered, source=folder, **settings)
+    return tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
 
 
 def _no_images(

@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
+from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.arrays import as_data_array, corrections_with, frames_of, truth_on
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import FilmFrame
 from tomo.scan.frames import Frame
 from tomo.scan.images import ScanImages
 from tomo.scan.radiometry import Radiometry
-from tomo.scan.write import save_scan
+from tomo.scan.write import check_cameras, save_scan
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -87,6 +88,7 @@ class Scan(ScanImages):
         if self.recorded_sizes is None:
             sizes = {camera.name: tuple(camera.image_size) for camera in self.rig}
             object.__setattr__(self, "recorded_sizes", sizes)
+            object.__setattr__(self, "corrections", self._corrections_by_camera())
             object.__setattr__(self, "rig", self._rig_of_colours())
         if not len(self.rig):
             raise ValueError(f"{self._where}cameras: found none, expected at least one")
@@ -251,6 +253,42 @@ class Scan(ScanImages):
         rig = replace(self.rig, cameras=tuple(cameras))
         return replace(self, rig=rig, shrink=self.shrink * factor)
 
+    def with_corrections(self, **given: Any) -> Scan:
+        """Return the scan with some corrections in place of its own.
+
+        Parameters
+        ----------
+        **given
+            Fields of `Corrections`, as a scan.yaml has them; paths are relative to the present
+            folder.
+
+        Raises
+        ------
+        ValueError
+            If there is no such correction, or it has no such value; if images are shrunk already.
+
+        Examples
+        --------
+        ``scan.with_corrections(dark="dark", bit_depth=12)`` takes the images in the folder
+        ``dark`` for those without light, and 4095 for full scale.
+        """
+        from tomo.scan._schema import checked_corrections  # loads pydantic
+
+        try:
+            found = checked_corrections(given)
+        except ValueError as error:
+            raise ValueError(f"{self._where}corrections.{error}") from None
+        for name in given:
+            if isinstance(found[name], Mapping):
+                check_cameras(f"{self._where}corrections.{name}", "", found[name], self.rig)
+        if self.shrink != 1:
+            raise ValueError(
+                f"{self._where}scale: found {self.shrink}, expected 1 before corrections"
+            )
+        none: Any = None  # the sizes of the rig
+        corrections = replace(self.corrections, **{name: found[name] for name in given})
+        return replace(self, corrections=corrections, recorded_sizes=none)
+
     def of_channel(self, channel: str | None, bayer: str | None = None) -> Scan:
         """Return the scan of one colour of images in colour, or of sensors with colour filters.
 
@@ -273,13 +311,7 @@ class Scan(ScanImages):
                 raise ValueError(
                     f"{self._where}corrections.{name}: found {known}, expected none with --{name}"
                 )
-        if self.shrink != 1:
-            raise ValueError(
-                f"{self._where}scale: found {self.shrink}, expected 1 before a colour"
-            )
-        corrections = replace(self.corrections, channel=channel, bayer=bayer)
-        none: Any = None  # the sizes of the rig
-        return replace(self, corrections=corrections, recorded_sizes=none)
+        return self.with_corrections(channel=channel, bayer=bayer)
 
     def recorded_camera(self, camera: CameraLike) -> CameraLike:
         """Return the camera of images as recorded, from one of this scan's images."""
@@ -289,6 +321,20 @@ class Scan(ScanImages):
         camera = camera.scaled(self.shrink)
         whole = camera if mosaic is None else mosaic.sensor(camera)
         return replace(whole, image_size=self.recorded_sizes[camera.name])
+
+    @property
+    def way(self) -> str:
+        """How corrections are given to the scan, one of `tomo.scan.advice.WAYS`."""
+        if self.source is None:
+            return PYTHON
+        return FILE if self.source.suffix.lower() in (".yaml", ".yml") else OPTIONS
+
+    def _corrections_by_camera(self) -> Corrections:
+        """Return the corrections with the images that folders stand for."""
+        try:
+            return self.corrections.by_camera(self.rig.names)
+        except ValueError as error:
+            raise ValueError(f"{self._where}{error}") from None
 
     def _rig_of_colours(self) -> Rig:
         """Return the rig, its cameras those of one colour where they record mosaics."""

@@ -17,6 +17,8 @@ from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
+from tomo.scan.films import FilmFrame
+from tomo.scan.mean_image import MeanImage
 from tomo.series.frames import BLOCK, refining_places
 from tomo.series.images import naming, readable, readable_keys
 from tomo.series.plan import Plan
@@ -131,6 +133,10 @@ def _corrections(scan: Scan) -> dict[str, Any]:
     def each(value: Any) -> Any:
         if isinstance(value, Mapping):
             return {name: each(one) for name, one in value.items()}
+        if isinstance(value, MeanImage):
+            return [each(one) for one in value.images]
+        if isinstance(value, FilmFrame):
+            return each(value.read())
         if isinstance(value, Path):
             return f"{value.name}: {zlib.crc32(value.read_bytes())}"
         if isinstance(value, np.ndarray):
