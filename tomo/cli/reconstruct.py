@@ -140,7 +140,7 @@ def reconstruct(
             check_output_volume(out, loaded.rig, loaded.source)
         given = (grid, spacing, center, lower, upper)
         voxels = None
-        if any(option is not None for option in given):
+        if loaded.grid is None or any(option is not None for option in given):
             voxels = parse_grid(*given, default=loaded.grid)
         _say_scale(loaded, voxels or loaded.grid)
         if options.frames is not None:
@@ -262,7 +262,8 @@ def _prediction(figures: dict, report: dict) -> str:
     said = f"{_figures({n: figures.get(n) for n in names})}, peak {peak_in_words(report['peak'])}"
     said, own = said + _of_used(report["views"]), figures["fitted"]
     if own is not None:
-        said += f"; gain {_number(own['gain'])} and background {_number(own['background'])} "
+        level = f"{_number(own['background'])} {report['peak']['unit']}"
+        said += f"; gain {_number(own['gain'])} and background {level} "
         said += f"fitted: {_figures({n: own.get(n) for n in names})}"
     return said
 
@@ -273,7 +274,7 @@ def _of_used(views: dict) -> str:
     known = [one for one in used if one is not None]
     if not known:
         return ""
-    return f" (cameras used: psnr {_number(min(known))} to {_number(max(known))})"
+    return f" (cameras used: psnr {_number(min(known))} to {_number(max(known))} dB)"
 
 
 def _comparison(report: dict) -> list[str]:
@@ -281,7 +282,7 @@ def _comparison(report: dict) -> list[str]:
 
     Held-out figures are means over the cameras; the residual is that of the cameras used.
     """
-    heads = ["method", "held-out psnr", "held-out ssim", "nrmse", "residual", "seconds"]
+    heads = ["method", "held-out psnr (dB)", "held-out ssim", "nrmse", "residual", "seconds"]
     rows = []
     for one in (report, *report["comparisons"]):
         held_out = one["held_out"].values()
@@ -315,7 +316,9 @@ def _cell(value: float | None) -> str:
 
 
 def _figures(figures: dict) -> str:
-    return ", ".join(f"{name} {_number(value)}" for name, value in figures.items())
+    from tomo.pipeline.peak import with_unit
+
+    return ", ".join(f"{name} {with_unit(name, _number(v))}" for name, v in figures.items())
 
 
 def _number(value: float | None) -> str:

@@ -87,7 +87,7 @@ def read_volume_with_unit(
     is_bare = reader is read_array
     if is_bare and spacing is None:
         raise ValueError(
-            f"{path}: spacing: missing in a .npy, expected --spacing with a voxel's edge in the "
+            f"{path}: spacing: missing in a .npy, expected a voxel's edge in the "
             "rig's unit, or a .npz of data, origin and spacing"
         )
     for name, value in given.items():

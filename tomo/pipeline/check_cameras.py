@@ -25,7 +25,6 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
             "the cameras see"
         )
         if everyone and options.screen:
-            where = "" if scan.source is None else f"{scan.source}: "
-            raise ValueError(f"{where}{line}. --no-screen reconstructs all the same")
+            raise ValueError(f"{scan.where}{line}. screen=False reconstructs all the same")
         lines.append(line)
     return lines

@@ -123,7 +123,7 @@ class Corrections:
         if channel is None:
             raise ValueError(
                 f"camera {camera}: channel: found none, expected one of {', '.join(COLOURS)} with "
-                f"bayer {bayer}: --channel g, or corrections: {{channel: g}} in scan.yaml"
+                f"bayer {bayer}: channel='g', or corrections: {{channel: g}} in scan.yaml"
             )
         return mosaic
 
@@ -248,6 +248,24 @@ def counts_in_words(counts: float, bits: int | None) -> str:
     depths = [bits] if bits else [one for one in (8, 12, 16) if counts < 2**one]
     each = [f"{counts:g} counts of {one} bits are {counts / (2**one - 1):.3g}" for one in depths]
     return " and ".join(each) or "it is beyond 16 bits"
+
+
+def recorded(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return corrections as JSON holds them, paths from the root; arrays are left out."""
+
+    def plain(name: str, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {camera: plain(name, one) for camera, one in value.items()}
+        is_path = name in _OF_IMAGES and isinstance(value, str | Path)
+        return str(Path(value).absolute()) if is_path else value
+
+    each = {name: plain(name, value) for name, value in given.items()}
+    return {name: value for name, value in each.items() if not _has_arrays(value)}
+
+
+def _has_arrays(value: Any) -> bool:
+    each = value.values() if isinstance(value, Mapping) else (value,)
+    return any(isinstance(one, np.ndarray) for one in each)
 
 
 def _as_path(value: Any) -> Any:

@@ -11,6 +11,7 @@ from rigs import Rig, formats
 from rigs.recordings import IMAGE_SUFFIXES, find_images
 from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import grid_of_rig
+from tomo.scan.corrections import recorded
 from tomo.scan.films import films_in, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.frames import Frame
 from tomo.scan.scan import Scan
@@ -49,7 +50,18 @@ def scan_of_images(
     FileNotFoundError
         If there is no such folder, or nothing in it is named as a camera.
     """
-    rig = rig if isinstance(rig, Rig) else formats.load(rig)
+    origin: dict[str, Any] = {} if pattern is None else {"pattern": pattern}
+    if not isinstance(rig, Rig):
+        origin["rig"] = str(Path(rig).absolute())
+        rig = formats.load(rig)
+    if "corrections" in settings:
+        given = {
+            name: value
+            for name, value in vars(settings["corrections"]).items()
+            if value is not None
+        }
+        origin["corrections"] = recorded({name: one for name, one in given if one is not None})
+    settings["origin"] = origin
     folder = Path(images)
     films = films_in(folder, rig.names) if pattern is None else {}
     if films:

@@ -15,7 +15,7 @@ from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
 from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.arrays import as_data_array, corrections_with, frames_of, truth_on
-from tomo.scan.corrections import Corrections
+from tomo.scan.corrections import Corrections, recorded
 from tomo.scan.films import FilmFrame
 from tomo.scan.frames import Frame
 from tomo.scan.images import ScanImages
@@ -66,6 +66,8 @@ class Scan(ScanImages):
         times that of length.
     peak : float, optional
         The largest value of corrected images for PSNR and SSIM; their brightest pixel when None.
+    origin : mapping
+        What loads the scan again beside ``source``: see `tomo.scan.given.scan_again`.
     """
 
     rig: Rig
@@ -82,6 +84,7 @@ class Scan(ScanImages):
     notes: tuple[str, ...] = ()
     radiometry: Radiometry | None = None
     peak: float | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""
@@ -91,12 +94,24 @@ class Scan(ScanImages):
             object.__setattr__(self, "corrections", self._corrections_by_camera())
             object.__setattr__(self, "rig", self._rig_of_colours())
         if not len(self.rig):
-            raise ValueError(f"{self._where}cameras: found none, expected at least one")
+            raise ValueError(f"{self.where}cameras: found none, expected at least one")
         if not self.frames:
-            raise ValueError(f"{self._where}frames: found none, expected at least one")
+            raise ValueError(f"{self.where}frames: found none, expected at least one")
         for name, count in Counter(frame.name for frame in self.frames).items():
             if count > 1:
-                raise ValueError(f"{self._where}frame {name!r}: found twice, expected once")
+                raise ValueError(f"{self.where}frame {name!r}: found twice, expected once")
+
+    def __repr__(self) -> str:
+        """Return up to three lines: frames, cameras, and where they are."""
+        moments = self.frame_names
+        shown = ", ".join(moments if len(moments) < 4 else (*moments[:2], "...", moments[-1]))
+        lines = [
+            f"<Scan: {len(moments)} frame{'s' * (len(moments) != 1)} ({shown}) of {self.rig!r}"
+        ]
+        if self.grid is not None:
+            lines.append(repr(self.grid))
+        lines.append("in memory" if self.source is None else f"from {self.source}")
+        return "\n  ".join(lines) + ">"
 
     @classmethod
     def from_arrays(
@@ -156,7 +171,7 @@ class Scan(ScanImages):
         if len(sizes) > 1:
             found = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
             raise ValueError(
-                f"{self._where}images: found sizes {found}, expected one for an array of all: "
+                f"{self.where}images: found sizes {found}, expected one for an array of all: "
                 "take some cameras by only(...)"
             )
         return as_data_array(self.rig, *self.read(frame), self.frame(frame).name)
@@ -221,7 +236,7 @@ class Scan(ScanImages):
         for name in named:
             if name not in self.rig.names:
                 known = ", ".join(self.rig.names)
-                raise ValueError(f"{self._where}camera: found {name!r}, expected one of {known}")
+                raise ValueError(f"{self.where}camera: found {name!r}, expected one of {known}")
         cameras = tuple(camera for camera in self.rig if (camera.name in named) == are_kept)
         return replace(self, rig=replace(self.rig, cameras=cameras))
 
@@ -246,7 +261,7 @@ class Scan(ScanImages):
         for camera in self.rig:
             if min(camera.image_size) < factor:
                 raise ValueError(
-                    f"{self._where}camera {camera.name}: scale: found {factor}, expected at most "
+                    f"{self.where}camera {camera.name}: scale: found {factor}, expected at most "
                     f"{min(camera.image_size)}, the image's shorter side"
                 )
             cameras.append(camera.shrunk(factor))
@@ -277,17 +292,23 @@ class Scan(ScanImages):
         try:
             found = checked_corrections(given)
         except ValueError as error:
-            raise ValueError(f"{self._where}corrections.{error}") from None
+            raise ValueError(f"{self.where}corrections.{error}") from None
         for name in given:
             if isinstance(found[name], Mapping):
-                check_cameras(f"{self._where}corrections.{name}", "", found[name], self.rig)
+                check_cameras(f"{self.where}corrections.{name}", "", found[name], self.rig)
         if self.shrink != 1:
             raise ValueError(
-                f"{self._where}scale: found {self.shrink}, expected 1 before corrections"
+                f"{self.where}scale: found {self.shrink}, expected 1 before corrections"
             )
         none: Any = None  # the sizes of the rig
-        corrections = replace(self.corrections, **{name: found[name] for name in given})
-        return replace(self, corrections=corrections, recorded_sizes=none)
+        found = {name: found[name] for name in given}
+        known = (self.origin.get("corrections") or {}) | recorded(found)
+        return replace(
+            self,
+            corrections=replace(self.corrections, **found),
+            recorded_sizes=none,
+            origin={**self.origin, "corrections": known},
+        )
 
     def of_channel(self, channel: str | None, bayer: str | None = None) -> Scan:
         """Return the scan of one colour of images in colour, or of sensors with colour filters.
@@ -309,7 +330,7 @@ class Scan(ScanImages):
             known = getattr(self.corrections, name)
             if known is not None:
                 raise ValueError(
-                    f"{self._where}corrections.{name}: found {known}, expected none with --{name}"
+                    f"{self.where}corrections.{name}: found {known}, expected none beside {name}"
                 )
         return self.with_corrections(channel=channel, bayer=bayer)
 
@@ -334,7 +355,7 @@ class Scan(ScanImages):
         try:
             return self.corrections.by_camera(self.rig.names)
         except ValueError as error:
-            raise ValueError(f"{self._where}{error}") from None
+            raise ValueError(f"{self.where}{error}") from None
 
     def _rig_of_colours(self) -> Rig:
         """Return the rig, its cameras those of one colour where they record mosaics."""
@@ -344,5 +365,5 @@ class Scan(ScanImages):
                 camera if mosaic is None else mosaic.camera(camera) for camera, mosaic in pairs
             )
         except ValueError as error:
-            raise ValueError(f"{self._where}{error}") from None
+            raise ValueError(f"{self.where}{error}") from None
         return replace(self.rig, cameras=cameras)

@@ -63,6 +63,7 @@ def attributes_of_run(
                 ),
             },
             "source": None if scan.source is None else str(Path(scan.source).absolute()),
+            "origin": dict(scan.origin),
             "rig": yaml.safe_load(rig_to_yaml(scan.rig)),
             "grid": grid.to_mapping(),
             "block": BLOCK,
