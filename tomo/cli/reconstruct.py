@@ -26,10 +26,14 @@ from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     CenterOption,
     GridOption,
+    ImagesOption,
     LowerOption,
     PatternOption,
+    RigInsteadOption,
+    ScanArgument,
     SpacingOption,
     UpperOption,
+    named_scan,
     parse_grid,
 )
 from tomo.cli.outputs import check_output_volume
@@ -63,22 +67,9 @@ def reconstruct(
             help="The folder to write; with --frames the store, OUT.zarr.",
         ),
     ],
-    scan: Annotated[
-        Path | None,
-        typer.Argument(metavar="SCAN", help="A scan folder, scan.yaml or transforms.json."),
-    ] = None,
-    rig: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A rig.yaml, with --images, in place of SCAN."),
-    ] = None,
-    images: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; "
-            "or where those of a transforms.json are.",
-        ),
-    ] = None,
+    scan: ScanArgument = None,
+    rig: RigInsteadOption = None,
+    images: ImagesOption = None,
     *,
     grid: GridOption = None,
     spacing: SpacingOption = None,
@@ -132,7 +123,7 @@ def reconstruct(
             "dark": dark, "flat": flat, "gain": gain, "mask": mask, "saturation": saturation,
             "bit_depth": bit_depth, "bayer": bayer, "channel": channel,
         }  # fmt: skip
-        loaded = corrected(_load(scan, rig, images, pattern), corrections).scaled(scale)
+        loaded = corrected(named_scan(scan, rig, images, pattern), corrections).scaled(scale)
         if options.frames is None:
             for name, value in (("workers", workers), ("scheduler", scheduler)):
                 if value is not None:
@@ -208,18 +199,6 @@ def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
     if values.get("method") == "wernet" and values.get("checkpoint") is None:
         return values | {"checkpoint": str(out / CHECKPOINT)}
     return values
-
-
-def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None) -> Scan:
-    from tomo import load_scan, scan_of_images
-
-    if pattern is not None and rig is None:
-        raise ValueError(f"--pattern: found {pattern!r}, expected --rig and --images with it")
-    if scan is not None and rig is None:
-        return load_scan(scan, images)
-    if scan is None and rig is not None and images is not None:
-        return scan_of_images(rig, images, pattern)
-    raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 
 def _summary(report: dict, out: Path) -> str:
