@@ -70,8 +70,8 @@ PatternOption = Annotated[
 
 
 VOLUME_HELP = (
-    "A volume file: .npz, .vti, .nrrd, .mha, .npy with --spacing, or .nii and .nii.gz where "
-    "nibabel is installed."
+    "A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with --spacing, or .nii and "
+    ".nii.gz where nibabel is installed."
 )
 
 
