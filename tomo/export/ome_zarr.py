@@ -14,6 +14,7 @@ import zarr
 
 from rigs.files import atomic_path
 from tomo.export.frames import Frames
+from tomo.export.spectrum import UNEVEN
 
 VERSION = "0.5"
 
@@ -22,10 +23,6 @@ _LENGTHS = {
     "cm": "centimeter", "m": "meter", "in": "inch", "ft": "foot",
 }  # fmt: skip
 """The layout's names of units, by ours. An axis in another unit has none there."""
-
-UNEVEN = 1e-3
-"""Largest relative difference of a step in time from the mean. Lower, rounded times are refused;
-higher, frames would stand at wrong times without a word."""
 
 
 def write_ome_zarr(frames: Frames, target: Path) -> None:

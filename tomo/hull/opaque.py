@@ -16,9 +16,6 @@ from tomo.hull.projection_lattice import Lattice
 if TYPE_CHECKING:
     from rigs import CameraLike
 
-LEVELS = 256
-"""Levels of brightness between which Otsu's threshold lies: fewer are coarse, more are noise."""
-
 
 @dataclass(frozen=True, eq=False)
 class VisualHull:
@@ -133,17 +130,17 @@ def otsu(images: Sequence[NDArray[np.floating]]) -> float:
     -----
     Otsu, "A threshold selection method from gray-level histograms", IEEE SMC 9, 1979.
     """
-    values = np.concatenate([image.ravel() for image in images])
-    low, high = float(values.min()), float(values.max())
-    if not high > low:
-        raise ValueError(f"threshold: found images of {low:g} alone, expected a bright thing")
-    counts, edges = np.histogram(values, LEVELS, (low, high))
-    middles = (edges[:-1] + edges[1:]) / 2
-    below, light = np.cumsum(counts)[:-1], np.cumsum(counts * middles)
+    values = np.sort(np.concatenate([image.ravel() for image in images]).astype(np.float64))
+    if not values[-1] > values[0]:
+        raise ValueError(
+            f"threshold: found images of {values[0]:g} alone, expected a bright thing"
+        )
+    light, below = np.cumsum(values), np.arange(1, values.size)
     above = values.size - below
-    with np.errstate(divide="ignore", invalid="ignore"):
-        apart = light[:-1] / below - (light[-1] - light[:-1]) / above
-    return float(edges[1 + np.nanargmax(below * above * apart**2)])
+    apart = light[:-1] / below - (light[-1] - light[:-1]) / above
+    is_step = values[1:] > values[:-1]
+    best = int(np.argmax(np.where(is_step, below * above * apart**2, -1.0)))
+    return float(values[best : best + 2].mean())
 
 
 def _overlap(one: NDArray[np.bool_], other: NDArray[np.bool_]) -> float:

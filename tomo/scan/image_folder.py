@@ -55,11 +55,7 @@ def scan_of_images(
         origin["rig"] = str(Path(rig).absolute())
         rig = formats.load(rig)
     if "corrections" in settings:
-        given = {
-            name: value
-            for name, value in vars(settings["corrections"]).items()
-            if value is not None
-        }
+        given = vars(settings["corrections"]).items()
         origin["corrections"] = recorded({name: one for name, one in given if one is not None})
     settings["origin"] = origin
     folder = Path(images)
