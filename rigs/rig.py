@@ -134,6 +134,14 @@ class Rig(Sequence[CameraLike]):
         object.__setattr__(self, "cameras", cameras)
         object.__setattr__(self, "calibration", copy.deepcopy(self.calibration))
 
+    def __repr__(self) -> str:
+        """Return one line: cameras, their sizes and the unit; a camera prints in full."""
+        names = self.names if len(self) < 4 else (*self.names[:2], "...", self.names[-1])
+        sizes = {"{} x {}".format(*camera.image_size): None for camera in self.cameras}
+        pixels = f", {', '.join(list(sizes)[:3])}{' ...' if len(sizes) > 3 else ''} pixels"
+        shown = f" ({', '.join(names)}){pixels}" if names else ""
+        return f"<Rig: {len(self)} camera{'s' * (len(self) != 1)}{shown}, in {self.length_unit}>"
+
     def __hash__(self) -> int:
         return hash((self.cameras, self.length_unit, self.world_frame, self.volume))
 

@@ -132,11 +132,12 @@ def test_the_yaml_examples_of_the_guide_are_a_rig_and_a_scan_of_it(tmp_path):
     (tmp_path / "raw").mkdir()
     width, height = camera.image_size
     raw = np.full((height, width), 2000, np.uint16)
-    dark, mask = np.full_like(raw, 100), np.full_like(raw, 255, dtype=np.uint8)
+    mask = np.full_like(raw, 255, dtype=np.uint8)
     mask[0, 0] = 0
     for name in ("left", "right"):
         write_image(tmp_path / f"raw/{name}_0001.tif", raw)
-    write_image(tmp_path / "dark.tif", dark)
+        for level in (90, 110):
+            write_image(tmp_path / f"dark/{name}/{level}.tif", np.full_like(raw, level))
     write_image(tmp_path / "left_mask.png", mask)
     images, masks = load_scan(tmp_path).read("0001")
     assert images[0][1, 1] == pytest.approx(1.02 * 1900 / 4095)

@@ -100,8 +100,8 @@ def read_with_full_scale(
     if still.is_grey and channel is not None and bayer is None and must_have_channel:
         raise ValueError(
             f"{path}: found a grey image, expected colours to take channel {channel} of: a mosaic "
-            "of colour filters needs the order of its colours too, like --bayer RGGB; others no "
-            "--channel"
+            "of colour filters needs the order of its colours too, like bayer='RGGB'; others no "
+            "channel"
         )
     try:
         return _intensities(still, None if bayer else channel, bit_depth, usable)
@@ -114,7 +114,7 @@ def check_pattern(source: object, is_mosaic: bool, bayer: str | None) -> None:
     if is_mosaic and bayer is None:
         raise ValueError(
             f"{source}: found a mosaic of colour filters, expected the order of its colours and "
-            "the colour to reconstruct: --bayer RGGB --channel g, or corrections: {bayer: RGGB, "
+            "the colour to reconstruct: bayer='RGGB', channel='g', or corrections: {bayer: RGGB, "
             "channel: g} in scan.yaml"
         )
 

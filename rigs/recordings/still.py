@@ -90,7 +90,7 @@ class Still:
         if not all(np.array_equal(red, other) for other in others):
             raise ValueError(
                 f"found a colour image of shape {self.pixels.shape} whose 3 channels differ, "
-                "expected a grey one: choose a colour with --channel r, g or b, or with "
+                "expected a grey one: choose a colour by channel='g', 'r' or 'b', or by "
                 "corrections: {channel: g} in scan.yaml"
             )
         return red

@@ -16,6 +16,7 @@ VERBS = {
     "demo": "Simulate a turbulent flame, reconstruct it, and write the report.",
     "simulate": "Simulate the images that a rig's cameras take of a phantom.",
     "reconstruct": "Reconstruct the emission in every voxel from a scan's images.",
+    "hull": "Find the voxels of an opaque thing that no silhouette excludes.",
     "export": "Write the frames of a store for other programs, or their statistics.",
     "view": "Show a volume with its cameras, a film or a rig in the browser.",
     "visualize-rig": "Draw a rig's cameras and the volume that they look at.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import errno
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import NoReturn
@@ -71,7 +72,23 @@ def _one_line(error: Exception) -> str:
     message = str(error)
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         message = f"{error.filename}: {error.strerror}"
-    return " ".join(message.split()) or type(error).__name__
+    return _with_options(" ".join(message.split())) or type(error).__name__
+
+
+def _with_options(message: str) -> str:
+    """Return a message with options in place of arguments of Python.
+
+    >>> _with_options("screen=False reconstructs all the same, and channel='g'")
+    '--no-screen reconstructs all the same, and --channel g'
+    """
+
+    def option(found: re.Match) -> str:
+        name, value = found[1].replace("_", "-"), found[2]
+        if value in ("True", "False"):
+            return f"--{name}" if value == "True" else f"--no-{name}"
+        return f"--{name} {value[1:-1]}"
+
+    return re.sub(r"\b([a-z_]+)=(True|False|'[^']*')", option, message)
 
 
 def _is_for_want_of_memory(error: BaseException) -> bool:

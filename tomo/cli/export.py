@@ -13,6 +13,7 @@ from tomo.cli.outputs import check_output_folder
 
 EXAMPLES = """
 flametomo export out.zarr --to pvd -o flame.pvd
+flametomo export out.zarr --to ome-zarr -o flame.ome.zarr
 flametomo export out.zarr --to mp4 -o flame.mp4
 flametomo export out.zarr --to npz --frames 0:100:10 -o volumes
 flametomo export out.zarr --to statistics -o statistics.zarr
@@ -32,9 +33,10 @@ def export(
         typer.Option(
             metavar="FORMAT",
             help="pvd: a collection for ParaView beside a folder of .vti files. vtkhdf: one file "
-            "for ParaView. netcdf: one file with coordinates. npz: a folder of NumPy files. mp4: "
-            "a film of maximum projections. statistics: mean and RMS fluctuation of every voxel. "
-            "spectrum: its power spectral density over time.",
+            "for ParaView. ome-zarr: an image t, z, y, x for napari and Fiji. netcdf: one file "
+            "with coordinates. npz: a folder of NumPy files. mp4: a film of maximum projections. "
+            "statistics: mean and RMS fluctuation of every voxel. spectrum: its power spectral "
+            "density over time.",
         ),
     ],
     frames: Annotated[

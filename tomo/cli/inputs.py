@@ -9,9 +9,11 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tomo.cli.console import say
+
 if TYPE_CHECKING:
     from rigs import Rig
-    from tomo import VoxelGrid
+    from tomo import Scan, VoxelGrid
 
 _RIG = {
     "metavar": "RIG",
@@ -42,6 +44,23 @@ UpperOption = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="Upper corner, with --lower.", **_PANEL)
 ]
 
+ScanArgument = Annotated[
+    Path | None,
+    typer.Argument(metavar="SCAN", help="A scan folder, scan.yaml or transforms.json."),
+]
+RigInsteadOption = Annotated[
+    Path | None,
+    typer.Option("--rig", metavar="FILE", help="A rig.yaml, with --images, in place of SCAN."),
+]
+ImagesOption = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FOLDER",
+        help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; "
+        "or where those of a transforms.json are.",
+    ),
+]
+
 PatternOption = Annotated[
     str | None,
     typer.Option(
@@ -53,9 +72,30 @@ PatternOption = Annotated[
 
 
 VOLUME_HELP = (
-    "A volume file: .npz, .vti, .nrrd, .mha, .npy with --spacing, or .nii and .nii.gz where "
-    "nibabel is installed."
+    "A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with --spacing, or .nii and "
+    ".nii.gz where nibabel is installed."
 )
+
+
+def named_scan(
+    scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None
+) -> Scan:
+    """Return the scan that a command's arguments name; cameras found by a pattern are said."""
+    from rigs.recordings.layout import cameras_and_frames
+    from tomo import load_scan, scan_of_images
+
+    if pattern is not None and rig is None:
+        raise ValueError(f"--pattern: found {pattern!r}, expected --rig and --images with it")
+    if scan is not None and rig is None:
+        return load_scan(scan, images)
+    if scan is None and rig is not None and images is not None:
+        found = scan_of_images(rig, images, pattern)
+        if pattern is not None:
+            names = found.rig.names
+            each = {n: [f.name for f in found.frames if n in f.images] for n in names}
+            say(cameras_and_frames(each))
+        return found
+    raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 
 def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:

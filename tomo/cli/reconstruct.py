@@ -10,15 +10,30 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tomo.cli.console import JsonFlag, print_json, say
+from tomo.cli.corrections import (
+    BayerOption,
+    BitDepthOption,
+    ChannelOption,
+    DarkOption,
+    FlatOption,
+    GainOption,
+    MaskOption,
+    SaturationOption,
+    corrected,
+)
 from tomo.cli.declared import declared_from, with_options_of
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     CenterOption,
     GridOption,
+    ImagesOption,
     LowerOption,
     PatternOption,
+    RigInsteadOption,
+    ScanArgument,
     SpacingOption,
     UpperOption,
+    named_scan,
     parse_grid,
 )
 from tomo.cli.outputs import check_output_volume
@@ -35,6 +50,7 @@ flametomo reconstruct scan -o out --hold-out cam02
 flametomo reconstruct scan -o out --method sirt --iterations 100
 flametomo reconstruct --rig rig.yaml --images images
     --grid 30x140x30 --spacing 0.5 -o out
+    --dark dark --bit-depth 12
 flametomo reconstruct scan -o out --bayer RGGB --channel g
 flametomo reconstruct scan --frames 0:1000:2 -o out.zarr
 """
@@ -51,22 +67,9 @@ def reconstruct(
             help="The folder to write; with --frames the store, OUT.zarr.",
         ),
     ],
-    scan: Annotated[
-        Path | None,
-        typer.Argument(metavar="SCAN", help="A scan folder, scan.yaml or transforms.json."),
-    ] = None,
-    rig: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A rig.yaml, with --images, in place of SCAN."),
-    ] = None,
-    images: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; "
-            "or where those of a transforms.json are.",
-        ),
-    ] = None,
+    scan: ScanArgument = None,
+    rig: RigInsteadOption = None,
+    images: ImagesOption = None,
     *,
     grid: GridOption = None,
     spacing: SpacingOption = None,
@@ -74,22 +77,14 @@ def reconstruct(
     lower: LowerOption = None,
     upper: UpperOption = None,
     pattern: PatternOption = None,
-    bayer: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ORDER",
-            help="Images are mosaics of colour filters in this order, like RGGB: the pixels of "
-            "--channel are used, with rays of their own.",
-        ),
-    ] = None,
-    channel: Annotated[
-        str | None,
-        typer.Option(
-            metavar="r|g|b|N",
-            help="The colour to reconstruct of images in colour, or the channel of films with "
-            "several, from 0.",
-        ),
-    ] = None,
+    dark: DarkOption = None,
+    flat: FlatOption = None,
+    gain: GainOption = None,
+    mask: MaskOption = None,
+    saturation: SaturationOption = None,
+    bit_depth: BitDepthOption = None,
+    bayer: BayerOption = None,
+    channel: ChannelOption = None,
     scale: Annotated[
         int, typer.Option(help="Shrink the images by area means; in Python scan.scaled(N).", min=1)
     ] = 1,
@@ -124,10 +119,11 @@ def reconstruct(
         from tomo import reconstruct as run
 
         options = declared_from(Options, _with_checkpoint(values, out))
-        loaded = _load(scan, rig, images, pattern)
-        if bayer is not None or channel is not None:
-            loaded = loaded.of_channel(channel and channel.lower(), bayer and bayer.upper())
-        loaded = loaded.scaled(scale)
+        corrections = {
+            "dark": dark, "flat": flat, "gain": gain, "mask": mask, "saturation": saturation,
+            "bit_depth": bit_depth, "bayer": bayer, "channel": channel,
+        }  # fmt: skip
+        loaded = corrected(named_scan(scan, rig, images, pattern), corrections).scaled(scale)
         if options.frames is None:
             for name, value in (("workers", workers), ("scheduler", scheduler)):
                 if value is not None:
@@ -135,7 +131,7 @@ def reconstruct(
             check_output_volume(out, loaded.rig, loaded.source)
         given = (grid, spacing, center, lower, upper)
         voxels = None
-        if any(option is not None for option in given):
+        if loaded.grid is None or any(option is not None for option in given):
             voxels = parse_grid(*given, default=loaded.grid)
         _say_scale(loaded, voxels or loaded.grid)
         if options.frames is not None:
@@ -205,26 +201,6 @@ def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
     return values
 
 
-def _load(scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None) -> Scan:
-    from rigs.recordings.layout import cameras_and_frames
-    from tomo import load_scan, scan_of_images
-
-    if pattern is not None and rig is None:
-        raise ValueError(f"--pattern: found {pattern!r}, expected --rig and --images with it")
-    if scan is not None and rig is None:
-        return load_scan(scan, images)
-    if scan is None and rig is not None and images is not None:
-        found = scan_of_images(rig, images, pattern)
-        if pattern is not None:
-            each = {
-                name: [f.name for f in found.frames if name in f.images]
-                for name in found.rig.names
-            }
-            say(cameras_and_frames(each))
-        return found
-    raise ValueError("SCAN: expected either a scan, or --rig and --images together")
-
-
 def _summary(report: dict, out: Path) -> str:
     """Return a line on each of: the fit, the error, held-out cameras, the verdict, the page."""
     lines = [
@@ -265,7 +241,8 @@ def _prediction(figures: dict, report: dict) -> str:
     said = f"{_figures({n: figures.get(n) for n in names})}, peak {peak_in_words(report['peak'])}"
     said, own = said + _of_used(report["views"]), figures["fitted"]
     if own is not None:
-        said += f"; gain {_number(own['gain'])} and background {_number(own['background'])} "
+        level = f"{_number(own['background'])} {report['peak']['unit']}"
+        said += f"; gain {_number(own['gain'])} and background {level} "
         said += f"fitted: {_figures({n: own.get(n) for n in names})}"
     return said
 
@@ -276,7 +253,7 @@ def _of_used(views: dict) -> str:
     known = [one for one in used if one is not None]
     if not known:
         return ""
-    return f" (cameras used: psnr {_number(min(known))} to {_number(max(known))})"
+    return f" (cameras used: psnr {_number(min(known))} to {_number(max(known))} dB)"
 
 
 def _comparison(report: dict) -> list[str]:
@@ -284,7 +261,7 @@ def _comparison(report: dict) -> list[str]:
 
     Held-out figures are means over the cameras; the residual is that of the cameras used.
     """
-    heads = ["method", "held-out psnr", "held-out ssim", "nrmse", "residual", "seconds"]
+    heads = ["method", "held-out psnr (dB)", "held-out ssim", "nrmse", "residual", "seconds"]
     rows = []
     for one in (report, *report["comparisons"]):
         held_out = one["held_out"].values()
@@ -318,7 +295,9 @@ def _cell(value: float | None) -> str:
 
 
 def _figures(figures: dict) -> str:
-    return ", ".join(f"{name} {_number(value)}" for name, value in figures.items())
+    from tomo.pipeline.peak import with_unit
+
+    return ", ".join(f"{name} {with_unit(name, _number(v))}" for name, v in figures.items())
 
 
 def _number(value: float | None) -> str:

@@ -31,7 +31,7 @@ def check_output_store(path: Path, rig: Rig, source: object) -> None:
 
 def series_summary(report: dict[str, Any]) -> str:
     """Return a line on each of: the frames, held-out cameras, the verdict, the store."""
-    from tomo.pipeline.peak import peak_in_words
+    from tomo.pipeline.peak import peak_in_words, with_unit
 
     figures = (
         ("relative_residual", "mean relative residual {:.4g}"),
@@ -41,10 +41,12 @@ def series_summary(report: dict[str, Any]) -> str:
     lines = [", ".join([f"{report['complete']} of {report['frames']} frames", *known])]
     compared = {"against the truth": report["quality"]} if report["quality"] else {}
     compared |= {f"held out {camera}": each for camera, each in report["held_out"].items()}
-    for name, figures in compared.items():
-        shown = ", ".join(f"{figure} {value:.4g}" for figure, value in figures.items())
+    for who, figures in compared.items():
+        shown = ", ".join(
+            f"{name} {with_unit(name, f'{value:.4g}')}" for name, value in figures.items()
+        )
         shown += f", peak {peak_in_words(report['plan']['peak'])}" if "psnr" in figures else ""
-        lines.append(f"{name}, mean: {shown}")
+        lines.append(f"{who}, mean: {shown}")
     lines.append(report["verdict"]["sentence"])
     lines.append(
         f"open {report['page']}; {report['store']} opens with xarray.open_zarr, and flametomo "

@@ -30,6 +30,9 @@ FORMATS = {
     "vtkhdf": Format(
         "vtkhdf:write_vtkhdf", (".vtkhdf", ".hdf"), ("h5py",), "one file for ParaView and VTK"
     ),
+    "ome-zarr": Format(
+        "ome_zarr:write_ome_zarr", (".zarr",), (), "an OME-Zarr 0.5 image for napari and Fiji"
+    ),
     "netcdf": Format("netcdf:write_netcdf", (".nc",), ("h5netcdf",), "one file with coordinates"),
     "npz": Format("volume_files:write_npz", ("",), (), "a folder of NumPy files"),
     "mp4": Format("film:write_film", (".mp4",), ("av",), "a film of maximum projections"),

@@ -99,7 +99,7 @@ def rate_of(frames: Frames) -> float:
         raise ValueError(
             f"{frames.store.path}: time: found frames {frames.numbers[off[0]]} and "
             f"{frames.numbers[off[0] + 1]} {steps[off[0]]:.4g} apart, others {step:.4g}, expected "
-            "even times for a spectrum: choose --frames without gaps"
+            "even times for a spectrum: choose frames without gaps"
         )
     return 1 / step
 

@@ -1,4 +1,4 @@
-"""The voxels that dark pixels prove empty."""
+"""The voxels that dark pixels prove empty, and the hulls of opaque things."""
 
 import lazy_loader
 
@@ -6,5 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "carving": ["Carving", "carve"],
+        "opaque": ["VisualHull", "visual_hull"],
     },
 )

@@ -87,8 +87,8 @@ class Carving:
         kept = "all voxels were kept" if self.active.all else f"{self.margin:g} pixels around it"
         return [
             f"faint light around the flame, {self.faint_light:.1%} of all, was kept: {kept}. If "
-            "it is no emission but reflections or a background, subtract it (scan.yaml, "
-            "corrections: dark) or mask it"
+            "it is no emission but reflections or a background, subtract it as a dark level, "
+            "or mask it"
         ]
 
     def report(self, names: Sequence[str]) -> dict[str, Any]:

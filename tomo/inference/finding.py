@@ -6,6 +6,8 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, NamedTuple
 
+from tomo.scan.advice import FILE, WAYS, place_of
+
 
 @dataclass(frozen=True)
 class Finding:
@@ -32,7 +34,9 @@ class Finding:
     other : str, optional
         Another camera that is concerned, how an image is turned, or where gas is.
     line : str, optional
-        What to write into the scan file, of all cameras with this effect.
+        What corrects it, of all cameras with this effect, in the ``way`` of the scan.
+    way : str
+        How corrections are given to the scan, one of `tomo.scan.advice.WAYS`.
     """
 
     effect: str
@@ -45,6 +49,7 @@ class Finding:
     consequence: float | None = None
     other: str | None = None
     line: str | None = None
+    way: str = FILE
 
     @classmethod
     def of(cls, report: Mapping[str, Any]) -> Finding:
@@ -54,10 +59,11 @@ class Finding:
     @property
     def step(self) -> str:
         """What to do."""
-        step = WORDS[self.effect][1].format(camera=self.camera, other=self.other)
-        if self.line is None:
-            return step
-        return f"{step}, or write into scan.yaml, in place of what is there: {self.line}"
+        places = {
+            name: place_of(self.way, name) for name in ("dark", "flat", "mask", "saturation")
+        }
+        step = WORDS[self.effect][1].format(camera=self.camera, other=self.other, **places)
+        return step if self.line is None else f"{step}, or {WAYS[self.way].ask.format(self.line)}"
 
     @property
     def leaves_doubt(self) -> bool:
@@ -127,21 +133,18 @@ IN_DOUBT = (
 """Effects after which a volume is in doubt though it was made without them: pixels or views are
 missing, or what was corrected was not measured."""
 
-_LOOK = (
-    "Look at the image beside its re-projection, and mask what is no flame (scan.yaml, "
-    "corrections: mask)"
-)
+_LOOK = "Look at the image beside its re-projection, and mask what is no flame ({mask})"
 
 WORDS: Mapping[str, tuple[str, str]] = {
     "gain": ("{who}: gain {size} off what the others say", "Check exposure and aperture"),
     "background": (
         "{who}: a background of {size} of the brightest light",
-        "Check the dark frames (scan.yaml, corrections: dark)",
+        "Check the dark frames ({dark})",
     ),
     "below zero": (
         "{who}: dark regions {size} of the brightest light below zero, too much was subtracted "
         "as dark and the volume is too faint",
-        "Check the dark frames, or lower the dark level in scan.yaml (corrections: dark)",
+        "Check the dark frames, or lower the dark level ({dark})",
     ),
     "pose": (
         "{who}: pose off, pointing {size} beside where the rig says",
@@ -157,7 +160,7 @@ WORDS: Mapping[str, tuple[str, str]] = {
     ),
     "fall-off": (
         "{who}: images darken towards their corners, by {size} there (vignetting)",
-        "Take a flat field and name it in scan.yaml (corrections: flat)",
+        "Take a flat field and name it ({flat})",
     ),
     "absorption": (
         "gas {other} absorbs: optical depth {size}",
@@ -185,11 +188,11 @@ WORDS: Mapping[str, tuple[str, str]] = {
     "saturation": (
         "{who}: images cut off at {size}, saturation: more pixels have that value than lie just "
         "below it",
-        "Expose shorter, or give the level in scan.yaml (corrections: saturation)",
+        "Expose shorter, or give the level ({saturation})",
     ),
     "bad pixels": (
         "{who}: {size} of the pixels are outliers",
-        "Mask what is not single pixels (scan.yaml, corrections: mask)",
+        "Mask what is not single pixels ({mask})",
     ),
     "dark": ("{who}: no light, a cap, a closed shutter, or a wrong file", "Check camera {camera}"),
     "same image": (
@@ -205,4 +208,5 @@ WORDS: Mapping[str, tuple[str, str]] = {
         "Check the orientation of camera {camera}'s images",
     ),
 }
-"""By effect: what was found, and what to do. Fields: ``who``, ``size``, ``camera``, ``other``."""
+"""By effect: what was found, and what to do. Fields: ``who``, ``size``, ``camera``,
+``other``, and the corrections, for where they are given."""

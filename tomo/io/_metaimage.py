@@ -1,4 +1,6 @@
-"""MetaImage (.mha): a header of lines ``Key = Value`` before the values, as in MetaIO's standard.
+"""MetaImage (.mha, .mhd): a header of lines ``Key = Value``, as in MetaIO's standard.
+
+The values follow in the same file, or stand in one beside it.
 
 MetaIO itself fills a volume with what is in memory where its values do not unpack, and says so on
 stderr only; so the values are read here.
@@ -14,6 +16,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import decompressed
 from tomo.io._axes import in_order
+from tomo.io._beside import content_beside
 
 _HEADER = 1 << 16  # bytes of a header, at most; it has some thirty short lines
 _TYPES = {
@@ -33,12 +36,10 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
         ("BinaryData", "True"),
         ("HeaderSize", "0"),
         ("ElementNumberOfChannels", "1"),
-        (_LAST.decode(), "LOCAL"),
     ):
         found = fields.get(key, "none" if key in ("NDims", "BinaryData") else value)
         if found.lower() != value.lower():
-            what = "values in another file" if value == "LOCAL" else found[:60]
-            raise ValueError(f"{key}: found {what}, expected {value}")
+            raise ValueError(f"{key}: found {found[:60]}, expected {value}")
     kind = fields.get("ElementType", "none")
     if kind not in _TYPES:
         raise ValueError(f"ElementType: found {kind[:60]!r}, expected one of {', '.join(_TYPES)}")
@@ -50,6 +51,8 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
     shape = tuple(int(size) for size in sizes)
     count = math.prod(shape) * dtype.itemsize
     values: bytes | bytearray = content[start:]
+    if (name := fields[_LAST.decode()]).upper() != "LOCAL":
+        values = content_beside(path, name, _LAST.decode())
     if _is_true(fields, "CompressedData"):
         values = decompressed(values, count)
     if len(values) < count:

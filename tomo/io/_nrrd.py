@@ -1,4 +1,7 @@
-"""NRRD by pynrrd; compressed values are unpacked here, to no more than the header claims."""
+"""NRRD by pynrrd: values in the file, or in one beside its header (.nhdr).
+
+Compressed values are unpacked here, to no more than the header claims.
+"""
 
 from __future__ import annotations
 
@@ -16,6 +19,7 @@ from rigs.files.size_guard import (
     largest_claim,
 )
 from tomo.grid import VoxelGrid
+from tomo.io._beside import content_beside
 from tomo.io._nrrd_axes import located
 
 _HEADER = 1 << 16  # bytes of a header; a longer one takes pynrrd seconds
@@ -59,15 +63,15 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
     file = io.BytesIO(content[:_HEADER])
     with np.errstate(invalid="ignore"):  # whole numbers too large are refused below
         header = nrrd.read_header(file)
-    if "data file" in header or "datafile" in header:
-        raise ValueError("the values are in another file, expected them in this one")
+    name = header.pop("data file", header.pop("datafile", None))
+    values = content[file.tell() :] if name is None else content_beside(path, name, "data file")
     for field in ("type", "dimension", "sizes", "encoding"):
         if field not in header:
             raise ValueError(f"{field}: missing in the header")
     sizes = _sizes(content[: file.tell()])
     if len(sizes) != 3 or header["dimension"] != 3:
         raise ValueError(f"sizes: found {sizes[:4]}, expected three whole numbers >= 1")
-    data = _values(header, content[file.tell() :], math.prod(sizes))
+    data = _values(header, values, math.prod(sizes))
     return *located(header, data), str(header.get("sample units", "")).strip('"')
 
 

@@ -1,9 +1,9 @@
 """Volumes in and out: .npz, VTK ImageData (.vti) and NRRD, the format chosen by the suffix.
 
-Arrays (.npy), MetaImage (.mha) and NIfTI (.nii, .nii.gz) are only read. Those written store
-float32 values and the centre of voxel (0, 0, 0) as their origin, with x the fastest axis where the
-format has an order. In .vti the values are *point* data for that reason: VTK's origin is where the
-first point is, so points are voxel centres.
+Arrays (.npy), MetaImage (.mha, .mhd), headers of NRRD (.nhdr) and NIfTI (.nii, .nii.gz) are only
+read. Those written store float32 values and the centre of voxel (0, 0, 0) as their origin, with x
+the fastest axis where the format has an order. In .vti the values are *point* data for that
+reason: VTK's origin is where the first point is, so points are voxel centres.
 """
 
 from __future__ import annotations
@@ -41,7 +41,8 @@ def read_volume(
     ----------
     path : path-like
         A ``.npz`` (keys ``data, origin, spacing, length_unit``), ``.vti`` or ``.nrrd`` file, an
-        array ``(nx, ny, nz)`` in ``.npy``, ``.mha``, or with nibabel ``.nii`` or ``.nii.gz``.
+        array ``(nx, ny, nz)`` in ``.npy``, ``.nhdr``, ``.mha``, ``.mhd``, or with nibabel
+        ``.nii`` or ``.nii.gz``.
     allow_nan : bool
         Whether voxels may be NaN, as `tomo.pipeline.Reconstruction.volume` marks unseen ones.
     spacing : float or (3,), optional
@@ -87,7 +88,7 @@ def read_volume_with_unit(
     is_bare = reader is read_array
     if is_bare and spacing is None:
         raise ValueError(
-            f"{path}: spacing: missing in a .npy, expected --spacing with a voxel's edge in the "
+            f"{path}: spacing: missing in a .npy, expected a voxel's edge in the "
             "rig's unit, or a .npz of data, origin and spacing"
         )
     for name, value in given.items():
@@ -244,8 +245,10 @@ _READERS: dict[str, Callable] = {
     ".npz": _read_npz,
     ".vti": _vti.read,
     ".nrrd": _nrrd.read,
+    ".nhdr": _nrrd.read,
     ".npy": read_array,
     ".mha": _metaimage.read,
+    ".mhd": _metaimage.read,
     ".nii": _nifti.read,
     ".nii.gz": _nifti.read,
 }

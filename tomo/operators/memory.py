@@ -159,7 +159,7 @@ def _refuse_too_large(need: MemoryNeed, grid: VoxelGrid, form: str, available: i
     if need.nbytes <= available:
         return
     coarser = _coarser_grid_that_fits(need, grid, form, available)
-    advice = "no grid would fit: use smaller images (--scale) or fewer rays a pixel"
+    advice = "no grid would fit: use smaller images or fewer rays a pixel"
     if coarser is not None:
         spacing = " x ".join(f"{s:.4g}" for s in coarser.spacing)
         advice = f"{_by(coarser.shape)} voxels of {spacing} would fit"

@@ -106,6 +106,7 @@ def assemble(
         scan={
             "frame": stages.load.frame,
             "source": None if scan.source is None else str(Path(scan.source).absolute()),
+            "origin": dict(scan.origin),
             "scale": scan.shrink,
             **scan.corrections.colours,
             **_dead_lines(stages.load),

@@ -18,7 +18,6 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
         volume comes of it.
     """
     lines = []
-    where = "" if scan.source is None else f"{scan.source}: "
     for error in convention_errors_in(scan.rig, grid):
         everyone = set(error.cameras) >= set(scan.rig.names)
         who = "all cameras" if everyone else f"camera {', '.join(error.cameras)}"
@@ -27,7 +26,7 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
             "the cameras see"
         )
         if everyone and options.screen:
-            raise ValueError(f"{where}{line}. --no-screen reconstructs all the same")
+            raise ValueError(f"{scan.where}{line}. screen=False reconstructs all the same")
         lines.append(line)
     for camera in scan.rig if options.screen else ():
         if ((camera.position > grid.lower) & (camera.position < grid.upper)).all():
@@ -35,8 +34,8 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
                 f"; {line}" for line in lines if line.startswith(f"camera {camera.name}:")
             )
             raise ValueError(
-                f"{where}camera {camera.name}: found its position inside the grid, expected it "
-                f"outside: correct the rig, or take a smaller grid{why}. --no-screen reconstructs "
+                f"{scan.where}camera {camera.name}: found its position inside the grid, expected it "
+                f"outside: correct the rig, or take a smaller grid{why}. screen=False reconstructs "
                 "all the same"
             )
     return lines

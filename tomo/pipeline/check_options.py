@@ -48,8 +48,8 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
     check_peak(options, scan)
     if grid is None:
         raise ValueError(
-            f"{scan.source}: grid: found none in the scan or its rig, expected one: "
-            "--grid with --spacing, or with --lower and --upper"
+            f"{scan.where}grid: found none in the scan or its rig, expected one: "
+            "grid=VoxelGrid(shape, spacing)"
         )
     choose_form(  # before coarser grids, or single steps, are refused in its place
         tuple(camera for camera in scan.rig if camera.name not in options.hold_out),
@@ -117,12 +117,12 @@ def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
     if not left:
         found = f"only cameras held out: {', '.join(names)}" if names else "no camera"
         raise ValueError(
-            f"{scan.source}: refine_cameras: found {found}, expected one to reconstruct from"
+            f"{scan.where}refine_cameras: found {found}, expected one to reconstruct from"
         )
     views = len(scan.rig) - len(set(options.hold_out))
     if views < FEWEST_VIEWS:
         raise ValueError(
-            f"{scan.source}: refine_cameras: found {views} views to refine with, expected at "
+            f"{scan.where}refine_cameras: found {views} views to refine with, expected at "
             f"least {FEWEST_VIEWS}"
         )
     return left
@@ -141,13 +141,13 @@ def _named_cameras(names: tuple[str, ...], scan: Scan) -> tuple[str, ...]:
         nominal = tuple(camera.name for camera in scan.rig if camera.status == _NOMINAL)
         if not nominal:
             raise ValueError(
-                f"{scan.source}: refine_cameras: found no nominal camera in the rig, expected some"
+                f"{scan.where}refine_cameras: found no nominal camera in the rig, expected some"
             )
         return nominal
     for name in names:
         if name not in scan.rig.names:
             raise ValueError(
-                f"{scan.source}: refine_cameras: found camera {name!r}, "
+                f"{scan.where}refine_cameras: found camera {name!r}, "
                 f"expected one of {', '.join(scan.rig.names)}"
             )
     return names
@@ -186,7 +186,7 @@ def _check_aperture(options: Options, scan: Scan) -> None:
         check_apertures(scan.rig)
     except ValueError as error:
         raise ValueError(
-            f"{scan.source}: aperture_rays: found {options.aperture_rays}: {error}"
+            f"{scan.where}aperture_rays: found {options.aperture_rays}: {error}"
         ) from None
 
 
@@ -227,11 +227,10 @@ def _check_hold_out(options: Options, scan: Scan) -> None:
     for name in options.hold_out:
         if name not in names:
             raise ValueError(
-                f"{scan.source}: hold_out: found camera {name!r}, "
-                f"expected one of {', '.join(names)}"
+                f"{scan.where}hold_out: found camera {name!r}, expected one of {', '.join(names)}"
             )
     if set(options.hold_out) == set(names):
         raise ValueError(
-            f"{scan.source}: hold_out: found all {len(names)} cameras, expected at least one "
+            f"{scan.where}hold_out: found all {len(names)} cameras, expected at least one "
             "left to reconstruct from"
         )

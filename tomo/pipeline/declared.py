@@ -65,6 +65,10 @@ class Declared:
                 raise ValueError(f"options: found {name!r}, expected one of {', '.join(known)}")
         return cls(**values)
 
+    def but(self, **others: Any) -> Self:
+        """Return these options with some others; errors as of `from_mapping`."""
+        return self.from_mapping(self.to_mapping() | others) if others else self
+
     def to_mapping(self) -> dict[str, Any]:
         """Return every option by name, as JSON holds them; `from_mapping` takes it back."""
         values = {option.name: getattr(self, option.name) for option in dataclasses.fields(self)}

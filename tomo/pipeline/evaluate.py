@@ -131,7 +131,7 @@ def trace_apart(
         )
     except VolumeNotSeenError as error:
         raise VolumeNotSeenError(
-            f"{screened.apart.source}: hold_out: nothing to compare with: {error}"
+            f"{screened.apart.where}hold_out: nothing to compare with: {error}"
         ) from None
 
 

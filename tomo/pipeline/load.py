@@ -18,7 +18,7 @@ from tomo.measurement.stored_bits import FULL
 from tomo.pipeline.stage import Record, timed
 from tomo.rays.visible_pixels import pixels_of_hardware
 from tomo.scan import Scan
-from tomo.scan.corrections import correction_line
+from tomo.scan.advice import WAYS, correction_line, place_of
 from tomo.scan.images import Images, Masks
 
 SATURATED = 0.01
@@ -67,9 +67,9 @@ def load(
         stage.warnings += doubts
         name = scan.frame(frame).name
         images, masks, saturated, dead, bits = scan.read_with_faults(name)
-        stage.warnings += _of_saturation(saturated)
-        stage.warnings += _of_dead_lines(dead)
-        stage.warnings += _of_bits(bits)
+        stage.warnings += _of_saturation(saturated, scan.way)
+        stage.warnings += _of_dead_lines(dead, scan.way)
+        stage.warnings += _of_bits(bits, scan.way)
         stage.warnings += scan.remarks
         stage.warnings += image_notes(
             {
@@ -98,7 +98,7 @@ def _of_hardware(names: Sequence[str], hidden: Sequence[NDArray[np.bool_]]) -> l
     ]
 
 
-def _of_saturation(saturated: Mapping[str, float]) -> list[str]:
+def _of_saturation(saturated: Mapping[str, float], way: str) -> list[str]:
     """Return the line on cameras of which many bright pixels are at full scale."""
     names = [name for name, fraction in saturated.items() if fraction > SATURATED]
     if not names:
@@ -108,21 +108,21 @@ def _of_saturation(saturated: Mapping[str, float]) -> list[str]:
         f"saturation: {saturated[worst]:.1%} of camera {worst}'s bright pixels are at full scale"
         + (f", and too many of {len(names) - 1} more cameras" if len(names) > 1 else "")
         + ": they were left out. Expose for a shorter time. Where a camera saturates below full "
-        f"scale, say so in scan.yaml: {correction_line('saturation', {worst: 0.98})}"
+        f"scale, {WAYS[way].ask.format(correction_line(way, 'saturation', {worst: 0.98}))}"
     ]
 
 
-def _of_dead_lines(found: Mapping[str, DeadLines]) -> list[str]:
+def _of_dead_lines(found: Mapping[str, DeadLines], way: str) -> list[str]:
     """Return a line for each camera with dead rows or columns."""
     return [
         f"camera {name}: {lines} of its image {'is' if lines.count == 1 else 'are'} dead: one "
         "value all along, beside lit pixels. The pixels are left out. Let the camera's map of bad "
-        "pixels know, or mask them in scan.yaml (corrections: mask)"
+        f"pixels know, or mask them ({place_of(way, 'mask')})"
         for name, lines in found.items()
     ]
 
 
-def _of_bits(found: Mapping[str, StoredBits | None]) -> list[str]:
+def _of_bits(found: Mapping[str, StoredBits | None], way: str) -> list[str]:
     """Return a line for each number of bits that cameras store in 16 without saying so."""
     alike: dict[tuple[int, int], list[str]] = {}
     for name, one in found.items():
@@ -145,10 +145,10 @@ def _of_bits(found: Mapping[str, StoredBits | None]) -> list[str]:
             one is not None and one.largest <= first.full_scale and one.shift >= shift
             for one in found.values()
         )
-        line = correction_line(name, value if all_fit else dict.fromkeys(names, value))
+        line = correction_line(way, name, value if all_fit else dict.fromkeys(names, value))
         lines.append(
             f"bits: 16-bit images of camera {names[0]}{others} {what}. Saturated pixels, at "
-            f"{first.full_scale}, are not recognised, {means}. To {do}, write into scan.yaml: "
-            f"{line}"
+            f"{first.full_scale}, are not recognised, {means}. To {do}, "
+            f"{WAYS[way].ask.format(line)}"
         )
     return lines

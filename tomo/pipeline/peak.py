@@ -39,6 +39,15 @@ def peak_in_words(peak: Mapping[str, Any]) -> str:
     return f"{peak['value']:.4g} {peak['unit']} ({peak['origin']})"
 
 
+def with_unit(figure: str, text: str) -> str:
+    """Return a figure of an image with its unit: PSNR is in decibels, others are fractions.
+
+    >>> with_unit("psnr", "31.4"), with_unit("ssim", "0.98")
+    ('31.4 dB', '0.98')
+    """
+    return f"{text} dB" if figure == "psnr" else text
+
+
 def check_peak(options: Options, scan: Scan) -> None:
     """Refuse a peak in counts where images are fractions of their full scale.
 

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any
 
+from rigs import Rig
 from rigs.progress import Progress, progress_of, staged
 from tomo.grid import VoxelGrid
 from tomo.pipeline.assemble import Stages, assemble
@@ -23,32 +27,41 @@ from tomo.pipeline.reconstruction import Reconstruction
 from tomo.pipeline.self_absorption import with_own_absorption
 from tomo.pipeline.solve import compare, solve
 from tomo.scan import Scan
+from tomo.scan.given import as_scan
 
 
 def reconstruct(
-    scan: Scan,
+    scan: Scan | str | PathLike | Mapping[str, Any],
     grid: VoxelGrid | None = None,
     options: Options = Options(),
     *,
+    rig: Rig | str | PathLike | None = None,
     progress: Progress | bool | None = None,
+    **asked: Any,
 ) -> Reconstruction:
     """Reconstruct the emission in every voxel from one frame of a scan.
 
     Parameters
     ----------
-    scan : Scan
+    scan : Scan, path-like, or mapping
+        Also the path of one; or with ``rig`` a folder of images, or camera to image ``(h, w)``.
     grid : VoxelGrid, optional
         The scan's own when None.
     options : Options
         Everything that can be asked; the default serves most scans.
+    rig : Rig or path-like, optional
+        The cameras of images.
     progress : bool or callable, optional
         True shows a bar; ``progress(done, total, where)`` is called, see `rigs.progress`.
+    **asked
+        Single options, such as ``method="mlem"``, in place of those of ``options``.
 
     Raises
     ------
     ValueError
         One line that names what is wrong with the input.
     """
+    options, scan = options.but(**asked), as_scan(scan, rig, grid)
     with progress_of(progress, "reconstruct") as tell:
         return _run_stages(scan, grid, options, tell)
 

@@ -118,6 +118,18 @@ class Reconstruction:
     learned: LearnedWeights | None = None
     uncertainty: Assessment | None = None
 
+    def __repr__(self) -> str:
+        """Return four lines: the method, the voxels, the answer, where the rest is."""
+        method = self.solution.settings.get("method", "unknown method")
+        return (
+            f"<Reconstruction: {method}, frame {self.scan.get('frame', 'unknown')}, "
+            f"{len(self.rig)} cameras\n"
+            f"  volume: {self.solution.grid!r}, {self.value_unit or 'unit unknown'}\n"
+            f"  relative residual {self.solution.relative_residual:.3g}, "
+            f"warnings: {len(self.warnings)}\n"
+            "  .answer, .verdict and .report() say more; .save(folder) writes all>"
+        )
+
     @property
     def volume(self) -> NDArray[np.float32]:
         """The volume; where no ray says anything, NaN if that was asked for."""

@@ -1,4 +1,4 @@
-"""What single cameras' gains and backgrounds come to as lines of a scan.yaml."""
+"""What single cameras' gains and backgrounds come to as corrections of their scan."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from tomo.inference.finding import Finding
 from tomo.measurement.pixel_check import PixelCheck
 from tomo.operators.view_gains import NOTEWORTHY, Gains
 from tomo.scan import Scan
-from tomo.scan.corrections import correction_line
+from tomo.scan.advice import correction_line
 
 ALIKE = 0.1
 """Relative spread of the cameras' levels up to which one number stands for all of them."""
@@ -24,7 +24,7 @@ def with_lines(
     names: Sequence[str],
     scan: Scan,
 ) -> tuple[Finding, ...]:
-    """Return findings on gains and backgrounds with the line of a scan.yaml that corrects them.
+    """Return findings on gains and backgrounds with what corrects them, in the way of the scan.
 
     Parameters
     ----------
@@ -48,7 +48,7 @@ def with_lines(
         "background": _line_for_dark({n: levels[n] for n in own["background"]}, scan),
         "gain": _line_for_gain({n: factors[n] for n in own["gain"]}, scan),
     }
-    return tuple(replace(one, line=lines.get(one.effect)) for one in findings)
+    return tuple(replace(one, line=lines.get(one.effect), way=scan.way) for one in findings)
 
 
 def _line_for_dark(levels: Mapping[str, float], scan: Scan) -> str | None:
@@ -66,11 +66,11 @@ def _line_for_dark(levels: Mapping[str, float], scan: Scan) -> str | None:
         dark[name] = dark.get(name, 0.0) + levels[name] / factor
     values = np.array(list(dark.values()))
     alike = len(dark) == len(names) > 1 and np.ptp(values) <= ALIKE * abs(values.mean())
-    return correction_line("dark", float(values.mean()) if alike else dark)
+    return correction_line(scan.way, "dark", float(values.mean()) if alike else dark)
 
 
 def _line_for_gain(factors: Mapping[str, float], scan: Scan) -> str | None:
     """Return the line that multiplies images by further factors."""
     given = {name: scan.corrections.of("gain", name) or 1.0 for name in factors}
     found = {name: given[name] * factor for name, factor in factors.items()}
-    return correction_line("gain", found) if found else None
+    return correction_line(scan.way, "gain", found) if found else None

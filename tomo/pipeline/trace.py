@@ -121,4 +121,4 @@ def _traced(
         )
     except VolumeNotSeenError as error:
         held_out = f"; held out: {', '.join(options.hold_out)}" if options.hold_out else ""
-        raise VolumeNotSeenError(f"{screened.scan.source}: {error}{held_out}") from None
+        raise VolumeNotSeenError(f"{screened.scan.where}{error}{held_out}") from None

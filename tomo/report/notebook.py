@@ -10,6 +10,7 @@ from rigs.notebook import facts, framed, times
 from tomo.draw.figures import png_bytes
 from tomo.draw.page import embedded
 from tomo.pipeline import Reconstruction
+from tomo.pipeline.peak import peak_in_words, with_unit
 from tomo.report.facts import number_text
 from tomo.report.uncertainty_figure import draw_deviations
 
@@ -62,10 +63,12 @@ def _rows(report: Mapping[str, Any]) -> list[tuple[str, object]]:
             rows.append((name, number_text(value)))
     for camera, figures in report["held_out"].items():
         known = [
-            f"{name.upper()} {number_text(figures[name])}{unit}"
-            for name, unit in (("psnr", " dB"), ("ssim", ""))
+            f"{name.upper()} {with_unit(name, number_text(figures[name]))}"
+            for name in ("psnr", "ssim")
             if figures.get(name) is not None
         ]
+        if known and report.get("peak"):
+            known.append(f"peak {peak_in_words(report['peak'])}")
         rows.append((f"held out {camera}", ", ".join(known)))
     emission = report.get("emission") or {}
     if emission.get("total") is not None:

@@ -124,6 +124,7 @@ def _held_out(report: Mapping) -> Rows:
     rows, views = [], report.get("views") or {}
     for name, figures in (report.get("held_out") or {}).items():
         missed, peak = views.get(name, {}).get("beyond_noise"), report.get("peak")
+        known, unit = (peak_in_words(peak), f" {peak['unit']}") if peak else ("", "")
         if missed is not None:
             words = (
                 f"The part of its image that the volume predicts wrongly. Good: up to "
@@ -131,17 +132,18 @@ def _held_out(report: Mapping) -> Rows:
             )
             rows.append((f"{missed:.1%}", f"{name}: wrong beyond noise", words))
         if "psnr" in figures:
-            below = f" below {peak_in_words(peak)}" if peak else ""
+            below = f" below {known}" if known else ""
             words = f"Error of the prediction in decibels{below}. 30 is good, 40 very good."
             rows.append((f"{number_text(figures['psnr'])} dB", f"{name}: PSNR", words))
         if "ssim" in figures:
             words = "Likeness in structure, 1 at the most; noise in the image lowers it."
+            words += f" Peak {known}." if known else ""
             rows.append((number_text(figures["ssim"]), f"{name}: SSIM", words))
         own = figures.get("fitted")
         if own and "psnr" in own:
             words = (
                 f"With a gain of {number_text(own['gain'])} and a background of "
-                f"{number_text(own['background'])} fitted to its image; "
+                f"{number_text(own['background'])}{unit} fitted to its image; "
                 f"{own.get('beyond_noise', 0):.1%} is then wrong beyond noise."
             )
             rows.append((f"{number_text(own['psnr'])} dB", f"{name}: PSNR, level fitted", words))

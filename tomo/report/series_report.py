@@ -86,10 +86,11 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
     said = "All are complete." if complete == count else f"Of {count:,}; the others are missing."
     rows = [(f"{complete:,}", "frames", said)]
     peak = table.store.attributes["plan"].get("peak")
-    below = f" below {peak_in_words(peak)}" if peak else ""
+    known = peak_in_words(peak) if peak else ""
+    below, of = (f" below {known}", f" Peak {known}.") if known else ("", "")
     for name, title, digits, unit, words in (
         ("psnr", "PSNR", 4, " dB", f"Error of its predicted images{below}; 30 is good."),
-        ("ssim", "SSIM", 3, "", "Likeness of its predicted images, 1 at the most."),
+        ("ssim", "SSIM", 3, "", f"Likeness of its predicted images, 1 at the most.{of}"),
     ):
         for camera, values in table.each_camera(name).items():
             value = f"{np.nanmean(values):.{digits}g}{unit}"
@@ -167,7 +168,7 @@ def _camera_table(table: SeriesTable) -> dict[str, Any]:
         ("least", "view_gain", np.nanmin, "{:.3f}", ""),
         ("largest", "view_gain", np.nanmax, "{:.3f}", ""),
         ("PSNR (dB)", "psnr", np.nanmean, "{:.2f}", "error of its prediction, mean and least"),
-        ("least PSNR", "psnr", np.nanmin, "{:.2f}", ""),
+        ("least PSNR (dB)", "psnr", np.nanmin, "{:.2f}", ""),
         ("SSIM", "ssim", np.nanmean, "{:.3f}", "likeness of its prediction, 1 at the most"),
     )  # fmt: skip
     kept = [one for one in columns if table.each_camera(one[1])]

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
+import numpy as np
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, ValidationError
 
 from rigs.files.messages import dotted, first_problem
@@ -88,7 +89,7 @@ def _one_or_each(
     def check(value: Any) -> Any:
         if value is None:
             return None
-        many = isinstance(value, dict)
+        many = isinstance(value, Mapping)
         each = {key: read(one) for key, one in (value if many else {None: value}).items()}
         for camera, one in each.items():
             if (camera is None and many) or not accepts(one):
@@ -116,7 +117,8 @@ def _number_in_text(value: Any) -> Any:
 
 
 def _is_path(value: Any) -> bool:
-    return isinstance(value, str) and value != ""
+    """Tell whether a value is an image's path; a program may give arrays too."""
+    return isinstance(value, Path | np.ndarray) or (isinstance(value, str) and value != "")
 
 
 def _is_positive(value: Any) -> bool:
@@ -205,6 +207,7 @@ class ScanFile(_Strict):
     grid: VolumeEntry | None = None
     frames: Annotated[list[_Frame], AfterValidator(_some)] | None = None
     films: dict[str, Annotated[_Film, BeforeValidator(_film)]] | None = None
+    images: Annotated[Text, AfterValidator(_named)] | None = None
     frame_rate: Annotated[Number, AfterValidator(_above_zero)] | None = None
     corrections: _Corrections = _Corrections()
     radiometry: _Radiometry | None = None
@@ -221,11 +224,29 @@ def parse_scan_file(path: Path) -> ScanFile:
     except ValidationError as error:
         steps, said = first_problem(error, ScanFile, content)
         raise ValueError(f"{path}: {_where(steps, content)}: {said}") from None
-    if found.frames is None and not found.films:
-        raise ValueError(f"{path}: frames: missing, expected a list of mappings, or films")
-    if found.frames is not None and found.films is not None:
-        raise ValueError(f"{path}: films: found frames too, expected one of the two")
+    given = [name for name in ("frames", "films", "images") if getattr(found, name) is not None]
+    if not given or found.films == {}:
+        raise ValueError(
+            f"{path}: frames: missing, expected a list of mappings, or films, or images"
+        )
+    if len(given) > 1:
+        raise ValueError(f"{path}: {given[1]}: found {given[0]} too, expected one of the two")
     return found
+
+
+def checked_corrections(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the corrections of a command or a program, checked as those of a scan.yaml are.
+
+    Raises
+    ------
+    ValueError
+        Naming the correction.
+    """
+    try:
+        return _Corrections.model_validate(given).model_dump()
+    except ValidationError as error:
+        steps, said = first_problem(error, _Corrections, given)
+        raise ValueError(f"{dotted(steps)}: {said}") from None
 
 
 def _where(steps: list[str | int], content: dict[str, Any]) -> str:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from numbers import Real
 from pathlib import Path
 from typing import Any
@@ -17,13 +16,19 @@ from rigs.recordings.still import CHANNELS
 from tomo.measurement import DeadLines, find_dead_lines
 from tomo.measurement.stored_bits import FULL, StoredBits, stored_bits
 from tomo.scan.image_source import ImageSource, holds_integers, read_intensities
+from tomo.scan.mean_image import MeanImage, images_by_camera
+
+_OF_IMAGES = ("dark", "flat", "mask")
+"""Corrections that may be images."""
 
 
 @dataclass(frozen=True)
 class Corrections:
     """How raw pixels become intensities: ``(raw - dark) / flat * gain``.
 
-    Images of corrections are files, or arrays ``(height, width)`` where a scan is in memory.
+    Images of corrections are files, or arrays ``(height, width)`` where a scan is in memory. In
+    a path ``{camera}`` stands for each camera's name. A folder stands for each camera's images in
+    it, or all where it is one camera's: their mean is taken.
 
     Each is one value for all cameras, or a mapping from camera to value; a camera that the
     mapping leaves out is not corrected. All are in the scale of the image as read, in which
@@ -65,7 +70,7 @@ class Corrections:
 
     def __post_init__(self) -> None:
         """Take text for the path of an image, but not for the name of colours."""
-        for name in ("dark", "flat", "mask"):
+        for name in _OF_IMAGES:
             value = getattr(self, name)
             if isinstance(value, Mapping):
                 object.__setattr__(self, name, {c: _as_path(one) for c, one in value.items()})
@@ -75,6 +80,19 @@ class Corrections:
     def of(self, correction: str, camera: str) -> Any:
         """Return the value of one correction for one camera; None where there is none."""
         return for_camera(getattr(self, correction), camera)
+
+    def by_camera(self, cameras: Sequence[str]) -> Corrections:
+        """Return the corrections with the images that folders and ``{camera}`` stand for.
+
+        Raises
+        ------
+        ValueError
+            If a camera has no image in a folder.
+        """
+        images = {name: getattr(self, name) for name in _OF_IMAGES}
+        return replace(
+            self, **{name: images_by_camera(name, one, cameras) for name, one in images.items()}
+        )
 
     @property
     def colours(self) -> dict[str, str | Mapping[str, str]]:
@@ -105,7 +123,7 @@ class Corrections:
         if channel is None:
             raise ValueError(
                 f"camera {camera}: channel: found none, expected one of {', '.join(COLOURS)} with "
-                f"bayer {bayer}: --channel g, or corrections: {{channel: g}} in scan.yaml"
+                f"bayer {bayer}: channel='g', or corrections: {{channel: g}} in scan.yaml"
             )
         return mosaic
 
@@ -215,11 +233,13 @@ class Corrections:
     ) -> NDArray[np.float32] | np.float32 | None:
         """Return a correction as a number or an image ``(height, width)``; None without one."""
         value = self.of(name, camera)
-        if not isinstance(value, (Path, np.ndarray)):
+        if not isinstance(value, (Path, np.ndarray, MeanImage)):
             return None if value is None else np.float32(value)
         # a mask's numbers are no intensities: they have a depth of their own
         bits = None if name == "mask" else self.of("bit_depth", camera)
         colours = {name: self.of(name, camera) for name in ("channel", "bayer")}
+        if isinstance(value, MeanImage):
+            return value.read(camera, size, bits, colours)
         return read_intensities(value, camera, size, bits, colours, is_correction=True)[0]
 
 
@@ -228,6 +248,24 @@ def counts_in_words(counts: float, bits: int | None) -> str:
     depths = [bits] if bits else [one for one in (8, 12, 16) if counts < 2**one]
     each = [f"{counts:g} counts of {one} bits are {counts / (2**one - 1):.3g}" for one in depths]
     return " and ".join(each) or "it is beyond 16 bits"
+
+
+def recorded(given: Mapping[str, Any]) -> dict[str, Any]:
+    """Return corrections as JSON holds them, paths from the root; arrays are left out."""
+
+    def plain(name: str, value: Any) -> Any:
+        if isinstance(value, Mapping):
+            return {camera: plain(name, one) for camera, one in value.items()}
+        is_path = name in _OF_IMAGES and isinstance(value, str | Path)
+        return str(Path(value).absolute()) if is_path else value
+
+    each = {name: plain(name, value) for name, value in given.items()}
+    return {name: value for name, value in each.items() if not _has_arrays(value)}
+
+
+def _has_arrays(value: Any) -> bool:
+    each = value.values() if isinstance(value, Mapping) else (value,)
+    return any(isinstance(one, np.ndarray) for one in each)
 
 
 def _as_path(value: Any) -> Any:
@@ -252,23 +290,3 @@ def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
     beside[:, 1:] |= full[:, :-1]
     beside[:, :-1] |= full[:, 1:]
     return full & beside
-
-
-def correction_line(correction: str, values: float | Mapping[str, float]) -> str:
-    """Return the line of a scan.yaml with one correction, fractions rounded to three digits.
-
-    >>> correction_line("dark", {"cam03": 0.015712})
-    'corrections: {dark: {cam03: 0.0157}}'
-    """
-    import yaml
-
-    def rounded(value: float) -> float:
-        return value if isinstance(value, int) else float(f"{value:.3g}")
-
-    if isinstance(values, Mapping):
-        written: Any = {name: rounded(value) for name, value in values.items()}
-    else:
-        written = rounded(values)
-    content = {"corrections": {correction: written}}
-    text = yaml.safe_dump(content, default_flow_style=True, width=math.inf, sort_keys=False)
-    return text.strip()[1:-1]

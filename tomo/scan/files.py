@@ -87,7 +87,8 @@ def _load_transforms(path: Path, folder: Path | None) -> Scan:
                                      f"expected one file an image, as in {text}")  # fmt: skip
                 used[file] = f"camera {camera} of frame {name!r}"
         frames.append(Frame(name, found))
-    return Scan(rig, tuple(frames), grid=grid_of_rig(rig), source=path)
+    origin = {} if folder is None else {"images": str(folder.absolute())}
+    return Scan(rig, tuple(frames), grid=grid_of_rig(rig), source=path, origin=origin)
 
 
 def _image_inside(path: Path, text: str, field: str) -> Path:
@@ -95,7 +96,7 @@ def _image_inside(path: Path, text: str, field: str) -> Path:
     try:
         return inside_scan(path, text, field)
     except ValueError as error:
-        raise ValueError(f"{error}, or --images FOLDER that has files of that name") from None
+        raise ValueError(f"{error}, or images='FOLDER' that has files of that name") from None
 
 
 def _image_in(folder: Path, image: PurePosixPath, field: str) -> Path:

@@ -11,6 +11,7 @@ from rigs import Rig, formats
 from rigs.recordings import IMAGE_SUFFIXES, find_images
 from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import grid_of_rig
+from tomo.scan.corrections import recorded
 from tomo.scan.films import films_in, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.frames import Frame
 from tomo.scan.scan import Scan
@@ -49,7 +50,14 @@ def scan_of_images(
     FileNotFoundError
         If there is no such folder, or nothing in it is named as a camera.
     """
-    rig = rig if isinstance(rig, Rig) else formats.load(rig)
+    origin: dict[str, Any] = {} if pattern is None else {"pattern": pattern}
+    if not isinstance(rig, Rig):
+        origin["rig"] = str(Path(rig).absolute())
+        rig = formats.load(rig)
+    if "corrections" in settings:
+        given = vars(settings["corrections"]).items()
+        origin["corrections"] = recorded({name: one for name, one in given if one is not None})
+    settings["origin"] = origin
     folder = Path(images)
     films = films_in(folder, rig.names) if pattern is None else {}
     if films:
@@ -57,6 +65,12 @@ def scan_of_images(
         settings |= {"frame_rate": frame_rate_of(films), "notes": notes_of_films(films)}
         moments = frames_of_films(films).items()
         return Scan(rig, tuple(Frame(*one) for one in moments), source=folder, **settings)
+    settings.setdefault("grid", grid_of_rig(rig))
+    return Scan(rig, frames_in(folder, rig, pattern), source=folder, **settings)
+
+
+def frames_in(folder: Path, rig: Rig, pattern: str | None) -> tuple[Frame, ...]:
+    """Return the frames of a folder's images, in natural order; errors as `scan_of_images`."""
     found = find_images(folder, rig.names, pattern)
     for camera in rig.names:
         if camera not in found:
@@ -65,9 +79,7 @@ def scan_of_images(
     for camera in rig.names:
         for frame, path in found[camera].items():
             frames.setdefault(frame, {})[camera] = path
-    settings.setdefault("grid", grid_of_rig(rig))
-    ordered = tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
-    return Scan(rig, ordered, source=folder, **settings)
+    return tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
 
 
 def _no_images(

@@ -52,7 +52,8 @@ class ScanImages:
         return {frame.name: frame for frame in self.frames}
 
     @property
-    def _where(self) -> str:
+    def where(self) -> str:
+        """What messages begin with: the file or folder of the scan, nothing in memory."""
         return "" if self.source is None else f"{self.source}: "
 
     def frame(self, name: str | None = None) -> Frame:
@@ -71,7 +72,7 @@ class ScanImages:
         found = self._by_name.get(name) or find_frame(self.frames, name)
         if found is None:
             known = ", ".join(self.frame_names)
-            raise ValueError(f"{self._where}frame: found {name!r}, expected one of {known}")
+            raise ValueError(f"{self.where}frame: found {name!r}, expected one of {known}")
         return found
 
     def images(self, frame: str | None = None) -> Images:
@@ -194,7 +195,7 @@ class ScanImages:
     ) -> tuple[NDArray, NDArray, float, DeadLines, StoredBits | None]:
         if camera not in frame.images:
             raise ValueError(
-                f"{self._where}frame {frame.name!r}: camera {camera}: found no image, "
+                f"{self.where}frame {frame.name!r}: camera {camera}: found no image, "
                 "expected one for every camera of the rig"
             )
         path, size = frame.images[camera], self.recorded_sizes[camera]

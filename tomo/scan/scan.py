@@ -13,13 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
+from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.arrays import as_data_array, corrections_with, frames_of, truth_on
-from tomo.scan.corrections import Corrections
+from tomo.scan.corrections import Corrections, recorded
 from tomo.scan.films import FilmFrame
 from tomo.scan.frames import Frame
 from tomo.scan.images import ScanImages
 from tomo.scan.radiometry import Radiometry
-from tomo.scan.write import save_scan
+from tomo.scan.write import check_cameras, save_scan
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -65,6 +66,8 @@ class Scan(ScanImages):
         times that of length.
     peak : float, optional
         The largest value of corrected images for PSNR and SSIM; their brightest pixel when None.
+    origin : mapping
+        What loads the scan again beside ``source``: see `tomo.scan.given.scan_again`.
     """
 
     rig: Rig
@@ -81,20 +84,34 @@ class Scan(ScanImages):
     notes: tuple[str, ...] = ()
     radiometry: Radiometry | None = None
     peak: float | None = None
+    origin: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check that names belong together; whether files can be read shows when they are."""
         if self.recorded_sizes is None:
             sizes = {camera.name: tuple(camera.image_size) for camera in self.rig}
             object.__setattr__(self, "recorded_sizes", sizes)
+            object.__setattr__(self, "corrections", self._corrections_by_camera())
             object.__setattr__(self, "rig", self._rig_of_colours())
         if not len(self.rig):
-            raise ValueError(f"{self._where}cameras: found none, expected at least one")
+            raise ValueError(f"{self.where}cameras: found none, expected at least one")
         if not self.frames:
-            raise ValueError(f"{self._where}frames: found none, expected at least one")
+            raise ValueError(f"{self.where}frames: found none, expected at least one")
         for name, count in Counter(frame.name for frame in self.frames).items():
             if count > 1:
-                raise ValueError(f"{self._where}frame {name!r}: found twice, expected once")
+                raise ValueError(f"{self.where}frame {name!r}: found twice, expected once")
+
+    def __repr__(self) -> str:
+        """Return up to three lines: frames, cameras, and where they are."""
+        moments = self.frame_names
+        shown = ", ".join(moments if len(moments) < 4 else (*moments[:2], "...", moments[-1]))
+        lines = [
+            f"<Scan: {len(moments)} frame{'s' * (len(moments) != 1)} ({shown}) of {self.rig!r}"
+        ]
+        if self.grid is not None:
+            lines.append(repr(self.grid))
+        lines.append("in memory" if self.source is None else f"from {self.source}")
+        return "\n  ".join(lines) + ">"
 
     @classmethod
     def from_arrays(
@@ -154,7 +171,7 @@ class Scan(ScanImages):
         if len(sizes) > 1:
             found = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
             raise ValueError(
-                f"{self._where}images: found sizes {found}, expected one for an array of all: "
+                f"{self.where}images: found sizes {found}, expected one for an array of all: "
                 "take some cameras by only(...)"
             )
         return as_data_array(self.rig, *self.read(frame), self.frame(frame).name)
@@ -219,7 +236,7 @@ class Scan(ScanImages):
         for name in named:
             if name not in self.rig.names:
                 known = ", ".join(self.rig.names)
-                raise ValueError(f"{self._where}camera: found {name!r}, expected one of {known}")
+                raise ValueError(f"{self.where}camera: found {name!r}, expected one of {known}")
         cameras = tuple(camera for camera in self.rig if (camera.name in named) == are_kept)
         return replace(self, rig=replace(self.rig, cameras=cameras))
 
@@ -244,12 +261,54 @@ class Scan(ScanImages):
         for camera in self.rig:
             if min(camera.image_size) < factor:
                 raise ValueError(
-                    f"{self._where}camera {camera.name}: scale: found {factor}, expected at most "
+                    f"{self.where}camera {camera.name}: scale: found {factor}, expected at most "
                     f"{min(camera.image_size)}, the image's shorter side"
                 )
             cameras.append(camera.shrunk(factor))
         rig = replace(self.rig, cameras=tuple(cameras))
         return replace(self, rig=rig, shrink=self.shrink * factor)
+
+    def with_corrections(self, **given: Any) -> Scan:
+        """Return the scan with some corrections in place of its own.
+
+        Parameters
+        ----------
+        **given
+            Fields of `Corrections`, as a scan.yaml has them; paths are relative to the present
+            folder.
+
+        Raises
+        ------
+        ValueError
+            If there is no such correction, or it has no such value; if images are shrunk already.
+
+        Examples
+        --------
+        ``scan.with_corrections(dark="dark", bit_depth=12)`` takes the images in the folder
+        ``dark`` for those without light, and 4095 for full scale.
+        """
+        from tomo.scan._schema import checked_corrections  # loads pydantic
+
+        try:
+            found = checked_corrections(given)
+        except ValueError as error:
+            raise ValueError(f"{self.where}corrections.{error}") from None
+        for name in given:
+            if isinstance(found[name], Mapping):
+                check_cameras(f"{self.where}corrections.{name}", "", found[name], self.rig)
+        if self.shrink != 1:
+            raise ValueError(
+                f"{self.where}scale: found {self.shrink}, expected 1 before corrections"
+            )
+        none: Any = None  # the sizes of the rig
+        found = {name: found[name] for name in given}
+        known = (self.origin.get("corrections") or {}) | recorded(found)
+        return replace(
+            self,
+            corrections=replace(self.corrections, **found),
+            recorded_sizes=none,
+            origin={**self.origin, "corrections": known},
+        )
 
     def of_channel(self, channel: str | None, bayer: str | None = None) -> Scan:
         """Return the scan of one colour of images in colour, or of sensors with colour filters.
@@ -271,15 +330,9 @@ class Scan(ScanImages):
             known = getattr(self.corrections, name)
             if known is not None:
                 raise ValueError(
-                    f"{self._where}corrections.{name}: found {known}, expected none with --{name}"
+                    f"{self.where}corrections.{name}: found {known}, expected none beside {name}"
                 )
-        if self.shrink != 1:
-            raise ValueError(
-                f"{self._where}scale: found {self.shrink}, expected 1 before a colour"
-            )
-        corrections = replace(self.corrections, channel=channel, bayer=bayer)
-        none: Any = None  # the sizes of the rig
-        return replace(self, corrections=corrections, recorded_sizes=none)
+        return self.with_corrections(channel=channel, bayer=bayer)
 
     def recorded_camera(self, camera: CameraLike) -> CameraLike:
         """Return the camera of images as recorded, from one of this scan's images."""
@@ -290,6 +343,20 @@ class Scan(ScanImages):
         whole = camera if mosaic is None else mosaic.sensor(camera)
         return replace(whole, image_size=self.recorded_sizes[camera.name])
 
+    @property
+    def way(self) -> str:
+        """How corrections are given to the scan, one of `tomo.scan.advice.WAYS`."""
+        if self.source is None:
+            return PYTHON
+        return FILE if self.source.suffix.lower() in (".yaml", ".yml") else OPTIONS
+
+    def _corrections_by_camera(self) -> Corrections:
+        """Return the corrections with the images that folders stand for."""
+        try:
+            return self.corrections.by_camera(self.rig.names)
+        except ValueError as error:
+            raise ValueError(f"{self.where}{error}") from None
+
     def _rig_of_colours(self) -> Rig:
         """Return the rig, its cameras those of one colour where they record mosaics."""
         try:
@@ -298,5 +365,5 @@ class Scan(ScanImages):
                 camera if mosaic is None else mosaic.camera(camera) for camera, mosaic in pairs
             )
         except ValueError as error:
-            raise ValueError(f"{self._where}{error}") from None
+            raise ValueError(f"{self.where}{error}") from None
         return replace(self.rig, cameras=cameras)

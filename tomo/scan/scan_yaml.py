@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,8 @@ from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import Film, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.frames import Frame
+from tomo.scan.image_folder import frames_in
+from tomo.scan.mean_image import MeanImage
 from tomo.scan.radiometry import Calibration, Radiometry
 from tomo.scan.scan import Scan
 from tomo.scan.write import check_cameras
@@ -41,7 +44,9 @@ def load_scan_yaml(path: Path) -> Scan:
         films = _films_of(path, content.films, rig)
         frames = tuple(Frame(*one) for one in frames_of_films(films).items())
         rate = rate or frame_rate_of(films)
-    corrections = _each(path, content.corrections.model_dump(), "corrections", rig)
+    if content.images is not None:
+        frames = _frames_named(path, content.images, rig)
+    corrections = _corrections(path, content.corrections.model_dump(), rig)
     grid = grid_of_rig(rig)
     if content.grid is not None:
         try:
@@ -55,7 +60,7 @@ def load_scan_yaml(path: Path) -> Scan:
     return Scan(
         rig,
         frames,
-        Corrections(**corrections),
+        corrections,
         grid,
         truth,
         source=path,
@@ -65,6 +70,40 @@ def load_scan_yaml(path: Path) -> Scan:
         radiometry=_radiometry(path, content.radiometry, rig),
         peak=content.peak,
     )
+
+
+def _frames_named(path: Path, pattern: str, rig: Rig) -> tuple[Frame, ...]:
+    """Return the frames of the images that a pattern names, all inside the scan's folder."""
+    try:
+        frames = frames_in(path.parent, rig, pattern)
+    except ValueError as error:
+        said = str(error).removeprefix(f"{path.parent}: ").removeprefix("pattern: ")
+        raise ValueError(f"{path}: images: {said}") from None
+    for frame in frames:
+        _check_inside(path, frame.images.values(), f"frame {frame.name!r}")
+    return frames
+
+
+def _corrections(path: Path, content: dict[str, Any], rig: Rig) -> Corrections:
+    """Return the corrections, those images that folders stand for inside the scan's folder too."""
+    given = _each(path, content, "corrections", rig)
+    try:
+        found = Corrections(**given).by_camera(rig.names)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    for name, value in vars(found).items():
+        each = value.values() if isinstance(value, Mapping) else (value,)
+        _check_inside(path, each, f"corrections.{name}")
+    return found
+
+
+def _check_inside(path: Path, images: Iterable[Any], field: str) -> None:
+    """Refuse image files that leave the scan's folder by a link."""
+    for image in images:
+        if isinstance(image, MeanImage):
+            _check_inside(path, image.images, field)
+        elif isinstance(image, Path):
+            inside_scan(path, str(image.relative_to(path.parent)), field)
 
 
 def _each(path: Path, content: dict[str, Any], field: str, rig: Rig) -> dict[str, Any]:

@@ -19,6 +19,7 @@ from tomo.grid import VoxelGrid
 from tomo.io import write_volume
 from tomo.io.volumes import check_length_unit
 from tomo.scan.corrections import Corrections
+from tomo.scan.mean_image import MeanImage
 from tomo.scan.radiometry import Radiometry
 
 if TYPE_CHECKING:
@@ -134,6 +135,10 @@ def plain_corrections(
     images: dict[str, NDArray] = {}
 
     def plain(value: Any, place: str) -> Any:
+        if isinstance(value, MeanImage):
+            raise ValueError(
+                f"{folder}: {place}: found the mean of {len(value.images)} images, expected one"
+            )
         if is_dataclass(value):
             each = {one.name: getattr(value, one.name) for one in fields(value)}
             found = {key: plain(one, f"{place}/{key}") for key, one in each.items()}

@@ -29,7 +29,7 @@ class UnreadableError(ValueError):
     def __init__(self, frame: str, error: Exception) -> None:
         self.frame, self.reason = frame, " ".join(str(error).split())
         super().__init__(
-            f"frame {frame}: {self.reason}; --skip-bad leaves out frames that cannot be read"
+            f"frame {frame}: {self.reason}; skip_bad=True leaves out frames that cannot be read"
         )
 
 
@@ -110,5 +110,5 @@ def readable(
         found += itertools.islice(good, 1)
     if not found:
         read_frame(scan, wanted[0], False)  # raises, with the reason
-        raise ValueError(f"{scan.source}: frames: found none that can be read, expected one")
+        raise ValueError(f"{scan.where}frames: found none that can be read, expected one")
     return tuple(found)

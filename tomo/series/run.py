@@ -6,21 +6,23 @@ import errno
 import gc
 import itertools
 import shutil
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from rigs import Rig
 from rigs.progress import FRAMES, Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.pipeline.check_options import as_asked
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
+from tomo.scan.given import as_scan
 from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
 from tomo.series.images import reader_of
@@ -51,19 +53,22 @@ BEHIND = 2
 
 
 def reconstruct_series(
-    scan: Scan,
+    scan: Scan | str | PathLike | Mapping[str, Any],
     path: str | PathLike,
     grid: VoxelGrid | None = None,
     options: Options = Options(frames=":"),
     *,
+    rig: Rig | str | PathLike | None = None,
     progress: Progress | bool | None = None,
     cluster: AbstractContextManager[Execute] | None = None,
+    **asked: Any,
 ) -> SeriesStore:
     """Reconstruct many frames of a scan into a store; go on with one that was begun.
 
     Parameters
     ----------
-    scan : Scan
+    scan : Scan, path-like, or mapping
+        Also the path of one; or with ``rig`` a folder of images, or camera to ``(frames, h, w)``.
     path : path-like
         The store. One that the same scan, options and version began is finished, to the same
         bits; what is damaged in it is done again. Several runs may work on one at once.
@@ -71,11 +76,15 @@ def reconstruct_series(
         The scan's own when None.
     options : Options
         ``frames`` are those to reconstruct.
+    rig : Rig or path-like, optional
+        The cameras of images.
     progress : bool or callable, optional
         True shows a bar; ``progress(done, total, where)`` is called, see `rigs.progress`.
     cluster : context manager, optional
         Gives what solves the blocks that are missing, see `tomo.series.cluster.on_cluster`; this
         process does when None.
+    **asked
+        Single options, such as ``frames="0:100"``, in place of those of ``options``.
 
     Raises
     ------
@@ -85,6 +94,7 @@ def reconstruct_series(
         If the store does not fit on the disk, before the first frame or when that is full. Frames
         that are complete stay.
     """
+    options, scan = options.but(**asked), as_scan(scan, rig, grid)
     grid = scan.grid if grid is None else grid
     check_series_options(options, scan, grid)
     scan = as_asked(scan, options)
@@ -226,7 +236,7 @@ def _check_images(scan: Scan, places: Sequence[int]) -> None:
                 ]  # fmt: skip
                 known = f"frames {whole[0]}:{whole[-1] + 1} have all" if whole else "none has all"
                 raise ValueError(
-                    f"{scan.source}: frame {frame.name!r}: camera {camera}: found no image, "
+                    f"{scan.where}frame {frame.name!r}: camera {camera}: found no image, "
                     f"expected one of every camera of the rig; {known}"
                 )
 

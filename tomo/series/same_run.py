@@ -17,6 +17,8 @@ from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
+from tomo.scan.films import FilmFrame
+from tomo.scan.mean_image import MeanImage
 from tomo.series.frames import BLOCK, refining_places
 from tomo.series.images import naming, readable, readable_keys
 from tomo.series.plan import Plan
@@ -61,6 +63,7 @@ def attributes_of_run(
                 ),
             },
             "source": None if scan.source is None else str(Path(scan.source).absolute()),
+            "origin": dict(scan.origin),
             "rig": yaml.safe_load(rig_to_yaml(scan.rig)),
             "grid": grid.to_mapping(),
             "block": BLOCK,
@@ -131,6 +134,10 @@ def _corrections(scan: Scan) -> dict[str, Any]:
     def each(value: Any) -> Any:
         if isinstance(value, Mapping):
             return {name: each(one) for name, one in value.items()}
+        if isinstance(value, MeanImage):
+            return [each(one) for one in value.images]
+        if isinstance(value, FilmFrame):
+            return each(value.read())
         if isinstance(value, Path):
             return f"{value.name}: {zlib.crc32(value.read_bytes())}"
         if isinstance(value, np.ndarray):

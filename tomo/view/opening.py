@@ -17,7 +17,8 @@ from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
-from tomo.scan import Scan, load_scan
+from tomo.scan import Scan
+from tomo.scan.given import scan_again
 from tomo.series.layout import FORMAT
 from tomo.series.store import SeriesStore
 from tomo.series.table import SeriesTable
@@ -77,7 +78,7 @@ def _content_of_report(
     """Return the content of a volume and its report; ``rig`` is shown where no scan is known."""
     about = report.get("scan") or {}
     notes: list[str] = []
-    scan = scan or _found_scan(about.get("source"), folder, notes)
+    scan = scan or _found_scan(about, folder, notes)
     rig = refined or rig
     if scan is not None:
         scan = _as_reconstructed(scan, refined, about)
@@ -118,7 +119,7 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
     if not len(places):
         raise ValueError(f"{path}: frames: found none that is complete, expected one")
     notes: list[str] = []
-    scan = scan or _found_scan(about.get("source"), path.parent, notes)
+    scan = scan or _found_scan(about, path.parent, notes)
     corrected = _stored_rig(about.get("corrected_rig"), path, notes)
     rig = corrected or _stored_rig(about.get("rig"), path, notes)
     names = (about.get("scan") or {}).get("frames")
@@ -189,18 +190,19 @@ def _report(path: Path) -> Mapping[str, Any]:
     return report
 
 
-def _found_scan(source: str | None, beside: Path, notes: list[str]) -> Scan | None:
+def _found_scan(about: Mapping[str, Any], beside: Path, notes: list[str]) -> Scan | None:
     """Return the scan that something was made from, as it says; a note where it is not there."""
+    source = about.get("source")
     if not source:
         notes.append(f"measured images: the scan is not on record; {HOW}")
         return None
-    places = [Path(source), beside / Path(source).name]
+    places = [Path(source), *(folder / Path(source).name for folder in (beside, beside.parent))]
     there = [place for place in places if place.exists()]
     if not there:
         notes.append(f"measured images: no scan at {source} any more; {HOW}")
         return None
     try:
-        return load_scan(there[0])
+        return scan_again(there[0], about.get("origin") or {})
     except (ValueError, OSError) as error:
         notes.append(f"measured images: {' '.join(str(error).split())}; {HOW}")
         return None
@@ -212,7 +214,7 @@ def _as_reconstructed(scan: Scan, rig: Rig | None, about: Mapping[str, Any]) -> 
         common = [name for name in scan.rig.names if name in rig.names]
         if not common:
             raise ValueError(
-                f"{scan.source}: cameras: found {', '.join(scan.rig.names)}, expected those of "
+                f"{scan.where}cameras: found {', '.join(scan.rig.names)}, expected those of "
                 f"the outcome, {', '.join(rig.names)}"
             )
         known = scan.only(*common)
@@ -221,7 +223,7 @@ def _as_reconstructed(scan: Scan, rig: Rig | None, about: Mapping[str, Any]) -> 
             size = tuple(scan.recorded_sizes[camera.name])
             if tuple(camera.image_size) != size:
                 raise ValueError(
-                    f"{scan.source}: camera {camera.name}: found images of {size[0]} x {size[1]} "
+                    f"{scan.where}camera {camera.name}: found images of {size[0]} x {size[1]} "
                     f"pixels, expected {camera.image_size[0]} x {camera.image_size[1]}, those "
                     "that the outcome was made from"
                 )
@@ -241,7 +243,7 @@ def _as_reconstructed(scan: Scan, rig: Rig | None, about: Mapping[str, Any]) -> 
 def _check_lengths(scan: Scan, unit: str, where: Path) -> None:
     if scan.rig.length_unit != unit:
         raise ValueError(
-            f"{scan.source}: length_unit: found {scan.rig.length_unit!r}, expected {unit!r}, "
+            f"{scan.where}length_unit: found {scan.rig.length_unit!r}, expected {unit!r}, "
             f"that of {where}"
         )
 

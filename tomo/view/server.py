@@ -45,14 +45,14 @@ def free_port(first: int = PORT) -> int:
         If there is none among a thousand, or ``first`` is no port.
     """
     if not 1 <= first <= 65535:
-        raise ValueError(f"--port: found {first}, expected a number from 1 to 65535")
+        raise ValueError(f"port: found {first}, expected a number from 1 to 65535")
     for port in range(first, min(first + _PORTS, 65536)):
         with socket.socket() as tried:
             tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             with contextlib.suppress(OSError):
                 tried.bind((HOST, port))
                 return port
-    raise ValueError(f"--port: found none free from {first} on, expected one")
+    raise ValueError(f"port: found none free from {first} on, expected one")
 
 
 def local_server(port: int, title: str) -> viser.ViserServer:

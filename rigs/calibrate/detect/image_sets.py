@@ -241,7 +241,7 @@ def _pictures_of(
     """Return every n-th picture of each camera's film."""
     if are_mosaics:
         path = next(iter(films.values()))
-        raise ValueError(f"{path}: bayer: found a film, expected image files with --bayer")
+        raise ValueError(f"{path}: bayer: found a film, expected image files")
     return {
         camera: {
             f"{index:06d}": VideoFrame(path, index)

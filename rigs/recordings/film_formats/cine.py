@@ -158,8 +158,8 @@ class Cine(Reopened):
         if 0 < black < white <= full or 0 <= black < white < full:
             said.append(
                 f"the film says that black is {black} and white {white} of {full}; pixels are "
-                "used as stored. In scan.yaml, corrections: "
-                f"{{dark: {black / full:.4g}, saturation: {white / full:.4g}}} says so"
+                f"used as stored. Corrections that say so are dark: {black / full:.4g}, "
+                f"saturation: {white / full:.4g}"
             )
         if any(found.crop):
             said.append(

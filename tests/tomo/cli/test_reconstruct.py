@@ -94,11 +94,18 @@ def test_the_summary_is_on_stderr_one_line_a_fact(done):
     said = [*report["warnings"], f"{report['method']}: relative residual"]
     answer = lines.index(report["answer"]["sentence"])
     assert all(any(one in line for line in lines[answer + 1 :]) for one in said)
-    assert sum(line.startswith("held out cam02: psnr ") for line in lines) == 1
+    (held_out,) = [line for line in lines if line.startswith("held out cam02: psnr ")]
+    peak = report["peak"]
+    assert re.search(r"psnr [\d.]+ dB, ssim ", held_out)
+    assert f"peak {peak['value']:.4g} {peak['unit']} (brightest measured pixel)" in held_out
+    assert re.search(r"cameras used: psnr [\d.]+ to [\d.]+ dB\)", held_out)
+    assert re.search(rf"background [\d.e-]+ {peak['unit']} fitted: psnr [\d.]+ dB", held_out)
+    page = (out / "report.html").read_text("utf-8")
+    assert page.count(f"{peak['value']:.4g} {peak['unit']}") >= 2  # below the PSNR and the SSIM
     assert report["verdict"]["sentence"] in lines
     assert lines[-1].startswith("open ")
     table = [" ".join(line.split()) for line in lines]
-    head = table.index("method held-out psnr held-out ssim nrmse residual seconds")
+    head = table.index("method held-out psnr (dB) held-out ssim nrmse residual seconds")
     own, other = table[head + 1 : head + 3]
     assert own.split()[0] == report["method"]
     assert float(other.split()[1]) == pytest.approx(

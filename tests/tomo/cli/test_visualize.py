@@ -54,7 +54,7 @@ def test_an_array_is_drawn_with_a_spacing(run_tool, tmp_path, volume):
     done = run_tool("visualize_rig", "paper11_33deg", "--volume", array, *grid, "-o", out)
     assert done.exit_code == 0, done.stderr
     for arguments, words in (
-        (("visualize_volume", array), "array.npy: spacing: missing in a .npy, expected --spacing"),
+        (("visualize_volume", array), "array.npy: spacing: missing in a .npy, expected a voxel"),
         (("visualize_volume", volume, *grid[:2]), "volume.npz: spacing: found"),
         (("visualize_rig", "paper11_33deg", "--volume", array), "array.npy: spacing: missing"),
         (("visualize_rig", "paper11_33deg", "--volume", volume, *grid), "a grid of its own"),

@@ -4,6 +4,7 @@ import h5py
 import numpy as np
 import pytest
 import xarray
+import zarr
 
 from tomo.export import FORMATS, export_series
 from tomo.io import read_volume
@@ -40,6 +41,33 @@ def test_npz_files_are_named_by_the_numbers_of_frames(store, exported):
     files = sorted(exported("npz").iterdir())
     assert [one.name for one in files] == [f"frame_{50 + place:06d}.npz" for place in SOME]
     assert np.array_equal(read_volume(files[1])[0], store.volume(5))
+
+
+def test_an_ome_zarr_has_axes_units_and_the_place_of_its_voxels(store, exported):
+    even = (1, 3, 5)
+    group = zarr.open_group(exported("ome-zarr", even), mode="r", zarr_format=3)
+    about = group.attrs["ome"]
+    assert about["version"] == "0.5"
+    (image,) = about["multiscales"]
+    assert image["axes"] == [
+        {"name": "t", "type": "time", "unit": "second"},
+        *({"name": name, "type": "space", "unit": "millimeter"} for name in "zyx"),
+    ]
+    (level,) = image["datasets"]
+    scale, shift = level["coordinateTransformations"]
+    np.testing.assert_allclose(scale["scale"], [0.02, *store.grid.spacing[::-1]])
+    np.testing.assert_allclose(shift["translation"], [0.01, *store.grid.origin[::-1]])
+    data = group[level["path"]]
+    assert data.metadata.dimension_names == ("t", "z", "y", "x")
+    for number, place in enumerate(even):
+        np.testing.assert_array_equal(data[number].T, store.volume(place))
+    with pytest.raises(FileExistsError, match="is there already"):
+        exported("ome-zarr", even)
+
+
+def test_an_ome_zarr_of_uneven_times_is_refused(exported):
+    with pytest.raises(ValueError, match=r"time: found steps from 0\.03 to 0\.06, expected even"):
+        exported("ome-zarr", SOME)
 
 
 def test_a_vtkhdf_is_laid_out_as_published(store, exported):

@@ -1,28 +1,18 @@
 """The visual hull of opaque things: what carving leaves of exact silhouettes."""
 
-from types import SimpleNamespace
+import json
 
 import numpy as np
-from scipy import ndimage
+import pytest
 
 import rigs
-from rigs.formats import middlebury
 from tomo import VoxelGrid
-from tomo.hull.dark_votes import dark_votes, touched
-from tomo.hull.projection_lattice import Lattice
+from tomo.hull import visual_hull
+from tomo.hull.opaque import otsu, silhouette
+from tomo.io import read_volume
+from tomo.scan import save_scan
 
 GRID = VoxelGrid((40, 40, 40), 0.5)
-
-
-def visual_hull(cameras, silhouettes, grid):
-    """Return the voxels that no silhouette excludes, and the pixels that see them."""
-    lattices = Lattice.of_all(cameras, grid)
-    inside = dark_votes(silhouettes, lattices, grid.shape, margin=0.0, enough=1) == 0
-    images = touched(inside, lattices, [own.shape for own in silhouettes])
-    common = np.array([np.count_nonzero(a & b) for a, b in zip(images, silhouettes, strict=True)])
-    either = np.array([np.count_nonzero(a | b) for a, b in zip(images, silhouettes, strict=True)])
-    with np.errstate(invalid="ignore"):
-        return SimpleNamespace(inside=inside, images=images, overlaps=common / either)
 
 
 def silhouettes(rig, radius, center=(0, 0, 0)):
@@ -72,21 +62,53 @@ def test_an_empty_silhouette_leaves_nothing():
     assert hull.overlaps[0] == 0
 
 
-def test_the_dinosaur_of_middlebury(test_data):
-    """Sixteen calibrated photographs: the hull re-projects onto the silhouettes it is made of."""
-    import cv2
+def test_silhouettes_are_parted_closed_and_grown():
+    image = np.full((60, 80), 0.05) + 0.02 * np.random.default_rng(0).random((60, 80))
+    image[10:40, 0:30] = 0.8
+    image[20:24, 0:30] = 0.05  # a dark fold, to the image's edge
+    level = otsu([image, image])
+    assert 0.07 < level < 0.8
+    closed = silhouette(image, level, close=5)
+    assert closed[15:35, 2:25].all()
+    assert not closed[41:].any()
+    assert not closed[:, 31:].any()
+    grown = silhouette(image, level, close=5, grow=3)
+    assert grown[15, 32]
+    assert not grown[15, 33]
+    assert not silhouette(image, 0.9, close=5, grow=2).any()
+    with pytest.raises(ValueError, match=r"^threshold: found images of 0\.5 alone"):
+        otsu([np.full((3, 3), 0.5)])
 
+
+def test_the_command_writes_the_hull_and_how_well_it_fits(run_tool, tmp_path):
+    rig = rigs.ring(12, distance=200, image_size=(80, 80), footprint=0.3, pitch_degrees=10)
+    images = {c.name: 0.7 * own for c, own in zip(rig, silhouettes(rig, 7.0), strict=True)}
+    save_scan(tmp_path / "scan", rig, {"one": images}, grid=GRID)
+    options = ("--close", "0", "--grow", "0", "-o", tmp_path / "out", "--json")
+    done = run_tool("hull", tmp_path / "scan", *options)
+    assert done.exit_code == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report == json.loads((tmp_path / "out" / "hull.json").read_text())
+    assert report["iou"] > 0.8
+    assert set(report["views"]) == set(rig.names)
+    data, grid, _ = read_volume(tmp_path / "out" / "hull.npz")
+    assert grid == GRID
+    assert report["volume"] == pytest.approx(data.sum() * 0.5**3)
+    assert report["volume"] > 4 / 3 * np.pi * 7**3
+    bad = run_tool("hull", tmp_path / "scan", "--channel", "g", "-o", tmp_path / "bad")
+    assert bad.exit_code == 2
+    assert len(bad.stderr.splitlines()) == 1
+
+
+def test_the_dinosaur_of_middlebury(run_tool, test_data, tmp_path):
+    """Sixteen calibrated photographs: the hull re-projects onto the silhouettes it is made of."""
     folder = test_data / "dino_sparse_ring"
-    rig = middlebury.load(folder / "dinoSR_par.txt")
-    seen = []
-    for name in rig.names:
-        bright = cv2.imread(str(folder / f"{name}.png")).max(axis=2) > 0.19 * 255
-        # the figure has dark folds: grown by ten pixels they close, seven are taken back
-        grown = ndimage.binary_dilation(bright, iterations=10)
-        seen.append(ndimage.binary_erosion(grown, iterations=7))
-    grid = VoxelGrid.from_bounds(
-        (216, 216, 216), (-0.065897, -0.022874, -0.061845), (0.014897, 0.072227, 0.019495)
-    )
-    hull = visual_hull(tuple(rig), seen, grid)
-    assert hull.overlaps.mean() >= 0.95
-    assert hull.overlaps.min() >= 0.925
+    done = run_tool(
+        "hull", "--rig", folder / "dinoSR_par.txt", "--images", folder, "--channel", "r",
+        "--grid", "324x382x326", "--spacing", "0.00025", "--center", "-0.0255,0.0247,-0.0212",
+        "--threshold", "0.15", "--close", "10", "--grow", "3", "-o", tmp_path / "out", "--json",
+    )  # fmt: skip
+    assert done.exit_code == 0, done.stderr
+    report = json.loads(done.stdout)
+    assert report["iou"] >= 0.96
+    assert min(report["views"].values()) >= 0.95

@@ -100,9 +100,11 @@ def test_fields(refused, fields, words):
         "data file:=/etc/hostname",
     ],
 )
-def test_values_in_another_file(refused, field):
+def test_values_outside_the_folder_or_in_several_files(refused, field):
     content = nrrd().replace(b"\n\n", f"\n{field}\n\n".encode(), 1)
-    assert "the values are in another file" in refused(read_volume, "a.nrrd", content)
+    line = refused(read_volume, "a.nrrd", content)
+    assert "data file: found" in line
+    assert "inside the header's folder" in line or "the name of one file" in line
 
 
 ZEROS = bytes(200 << 20)

@@ -32,7 +32,7 @@ def test_an_array_is_read_with_a_spacing(tmp_path):
 
 def test_an_array_without_a_spacing_is_asked_for_it(tmp_path):
     path = npy(tmp_path / "a.npy")
-    with pytest.raises(ValueError, match=r"a\.npy: spacing: missing in a \.npy, expected --spac"):
+    with pytest.raises(ValueError, match=r"a\.npy: spacing: missing in a \.npy, expected a vox"):
         read_volume(path)
     with pytest.raises(ValueError, match=r"a\.npy: .*spacing: found -1"):
         read_volume(path, spacing=-1)
@@ -71,8 +71,8 @@ def test_an_array_that_claims_more_than_it_holds(refused, tmp_path):
 
 @pytest.mark.parametrize("name", ["a.raw", "a", "a.tif", "a.nii.zip", "a.gz"])
 def test_an_unknown_ending_lists_those_that_are_read(tmp_path, name):
-    expected = r"expected one of \.npz, \.vti, \.nrrd, \.npy, \.mha, \.nii, \.nii\.gz"
-    with pytest.raises(ValueError, match=expected):
+    expected = "expected one of .npz, .vti, .nrrd, .nhdr, .npy, .mha, .mhd, .nii, .nii.gz: "
+    with pytest.raises(ValueError, match=re.escape(expected)):
         read_volume(tmp_path / name)
 
 
@@ -157,6 +157,39 @@ def test_a_metaimages_axes_are_where_its_own_library_has_them(itk, tmp_path):
         assert data.ravel()[grid.voxel_of(place)] == VALUES[index]
 
 
+@pytest.mark.parametrize("kind", ["raw", "zraw"])
+def test_a_metaimage_header_beside_its_values(tmp_path, kind):
+    stored = VALUES.ravel(order="F").tobytes()
+    fields = {"CompressedData": str(kind == "zraw"), "ElementDataFile": f"a.{kind}"}
+    (tmp_path / "a.mhd").write_bytes(mha(**fields)[: -len(stored)])
+    with pytest.raises(ValueError, match=r"a\.mhd: .*ElementDataFile: found no file a\.z?raw"):
+        read_volume(tmp_path / "a.mhd")
+    (tmp_path / f"a.{kind}").write_bytes(zlib.compress(stored) if kind == "zraw" else stored)
+    data, grid, _ = read_volume(tmp_path / "a.mhd")
+    np.testing.assert_array_equal(data, VALUES)
+    np.testing.assert_allclose(grid.origin, [1, 2, 3])
+    (tmp_path / f"a.{kind}").write_bytes(stored[:-8] if kind == "raw" else b"x")
+    with pytest.raises(ValueError, match=r"a\.mhd: "):
+        read_volume(tmp_path / "a.mhd")
+
+
+@pytest.mark.parametrize("encoding", ["raw", "gzip"])
+def test_an_nrrd_header_beside_its_values(tmp_path, encoding):
+    import nrrd
+
+    header = {"space directions": np.diag([0.5, 1, 2]), "space origin": [1, 2, 3]}
+    header |= {"space": "3D-right-handed", "space units": ["cm"] * 3, "encoding": encoding}
+    nrrd.write(str(tmp_path / "a.nhdr"), VALUES, header, detached_header=True)
+    data, grid, unit = read_volume(tmp_path / "a.nhdr")
+    np.testing.assert_array_equal(data, VALUES)
+    np.testing.assert_allclose(grid.origin, [1, 2, 3])
+    assert (grid.spacing, unit) == ((0.5, 1, 2), "cm")
+    (beside,) = [one for one in tmp_path.iterdir() if one.suffix != ".nhdr"]
+    beside.unlink()
+    with pytest.raises(ValueError, match=r"a\.nhdr: .*data file: found no file a\.raw"):
+        read_volume(tmp_path / "a.nhdr")
+
+
 def test_packed_metaimage_of_its_own_library(itk, tmp_path):
     path = tmp_path / "a.mha"
     image = itk.GetImageFromArray(VALUES.T.astype(np.float64))
@@ -229,9 +262,10 @@ BAD_MHA = [
     (b"", "ElementDataFile: missing"),
     (
         mha(ElementDataFile="/etc/hostname"),
-        "ElementDataFile: found values in another file, expected LOCAL",
+        "ElementDataFile: found '/etc/hostname', expected a path inside the header's folder",
     ),
-    (mha(ElementDataFile="LIST"), "found values in another file"),
+    (mha(ElementDataFile="LIST"), "found 'LIST', expected the name of one file"),
+    (mha(ElementDataFile="x%03d.raw 1 9 1"), "expected the name of one file"),
     (mha(DimSize="99999 99999 9999", CompressedData="True"), "claim to hold"),
     (mha(DimSize="30 40 50"), "found 240 bytes of values, expected 240000: truncated"),
     (mha(DimSize="3 4"), "DimSize: found '3 4', expected 3 numbers"),

@@ -131,14 +131,15 @@ def test_pickles_are_refused(tmp_path):
         read_volume(path)
 
 
-def test_an_nrrd_that_points_at_another_file_is_refused(tmp_path):
+def test_an_nrrd_that_points_out_of_its_folder_is_refused(tmp_path):
     (tmp_path / "other.raw").write_bytes(VOLUME.tobytes())
-    path = tmp_path / "points.nrrd"
+    path = tmp_path / "folder" / "points.nrrd"
+    path.parent.mkdir()
     path.write_text(
         "NRRD0005\ntype: float\ndimension: 3\nsizes: 3 4 5\nencoding: raw\nendian: little\n"
-        "data file: other.raw\n"
+        "data file: ../other.raw\n"
     )
-    with pytest.raises(ValueError, match=r"points\.nrrd.*another file"):
+    with pytest.raises(ValueError, match=r"points\.nrrd.*inside the header's folder"):
         read_volume(path)
 
 

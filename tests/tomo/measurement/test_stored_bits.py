@@ -1,8 +1,9 @@
 """Bits that a camera used of 16: said where numbers prove it, by a line that works."""
 
+import re
+
 import numpy as np
 import pytest
-import yaml
 
 import rigs
 from rigs.recordings import write_image
@@ -67,7 +68,7 @@ def test_the_line_in_scan_yaml_makes_saturated_pixels_known():
     images = [recorded(12, exposure) for exposure in (0.5, 1.4, 1.4)]
     (line,) = bits_lines(images)
     assert "camera cam01 (and of 1 more) end at 4095, which" in line
-    assert line.endswith("corrections: {bit_depth: 12}")
+    assert line.endswith("scan.with_corrections(bit_depth=12)")
     assert bits_lines(images, Corrections(bit_depth=12)) == []
     assert bits_lines(images, Corrections(bit_depth=16)) == []  # who knows better is believed
 
@@ -75,15 +76,15 @@ def test_the_line_in_scan_yaml_makes_saturated_pixels_known():
 def test_only_cameras_that_fit_get_the_bits():
     """A camera of 16 bits beside one of 12 would be refused with 12."""
     (line,) = bits_lines([recorded(12, 1.4), recorded(16, 0.9), recorded(16, 0.9)])
-    assert line.endswith("corrections: {bit_depth: {cam00: 12}}")
+    assert line.endswith("scan.with_corrections(bit_depth={'cam00': 12})")
 
 
 @pytest.mark.parametrize("bits", [10, 12, 14])
 def test_numbers_shifted_up_get_a_level_of_saturation_that_works(bits, tmp_path):
     images = [recorded(bits, exposure) << (16 - bits) for exposure in (0.5, 1.4, 0.9)]
     (line,) = bits_lines(images)
-    entry = yaml.safe_load(line[line.index("corrections: ") :])["corrections"]
-    corrections = Corrections(**entry)
+    level = re.search(r"scan\.with_corrections\(saturation=([\d.]+)\)$", line)
+    corrections = Corrections(saturation=float(level[1]))
     assert bits_lines(images, corrections) == []
     for image in images:
         write_image(tmp_path / "image.tif", image)

@@ -39,7 +39,7 @@ def test_a_gain_changes_its_image_by_as_much(seen):
     assert gain.size == pytest.approx(0.2, abs=0.02)
     assert 0 < gain.error < 0.02
     assert gain.consequence == pytest.approx(np.log(1.2), abs=0.03)
-    assert gain.line == "corrections: {gain: {cam02: %.3g}}" % (1 / (1 + gain.size))
+    assert gain.line == "scan.with_corrections(gain={'cam02': %.3g})" % (1 / (1 + gain.size))
 
 
 def test_a_background_is_of_the_brightest_light_and_changes_the_image_by_more(seen):
@@ -50,7 +50,7 @@ def test_a_background_is_of_the_brightest_light_and_changes_the_image_by_more(se
     assert level.consequence == pytest.approx(
         0.1 * top / np.sqrt(np.mean(image[image > 0.05 * top] ** 2)), rel=0.6
     )
-    assert "dark: {cam02: " in level.line
+    assert "dark={'cam02': " in level.line
 
 
 @pytest.mark.parametrize("shrink", [1, 2])

@@ -1,6 +1,7 @@
 """Warnings end with what to do; where a line of scan.yaml does it, that line works."""
 
 import re
+from ast import literal_eval
 from dataclasses import replace
 
 import numpy as np
@@ -8,13 +9,14 @@ import pytest
 import yaml
 
 from tomo import Scan, load_scan
+from tomo.cli.corrections import value_of
 from tomo.inference.finding import Finding
 from tomo.operators.view_gains import Gains
 from tomo.pipeline import Options, reconstruct
 from tomo.pipeline.scan_lines import with_lines
 from tomo.scan import Corrections
-from tomo.scan._schema import _Corrections
-from tomo.scan.corrections import correction_line
+from tomo.scan._schema import checked_corrections
+from tomo.scan.advice import correction_line
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -27,12 +29,15 @@ DEEDS = {
 
 
 def lines_of(warnings):
-    """Return the corrections that warnings write out, as the scan file's own reader takes them."""
-    found = {}
-    for text in re.findall(r"corrections: \{[^}]*\}?\}", "\n".join(warnings)):
-        entry = yaml.safe_load(text)["corrections"]
-        _Corrections.model_validate(entry)
-        found |= entry
+    """Return the corrections that warnings write out, by any way of giving them."""
+    found, said = {}, "\n".join(warnings)
+    for text in re.findall(r"corrections: \{[^}]*\}?\}", said):
+        found |= yaml.safe_load(text)["corrections"]
+    for name, text in re.findall(r"scan\.with_corrections\((\w+)=(\{.*?\}|[\d.e-]+)\)", said):
+        found[name] = literal_eval(text)
+    for name, text in re.findall(r"--(dark|gain|bit-depth|saturation) (\S*\d)", said):
+        found[name.replace("-", "_")] = value_of(name, text)
+    checked_corrections(found)
     return found
 
 
@@ -64,11 +69,11 @@ FAST = Options(method="sirt", iterations=30)
 
 def test_a_correction_line_is_yaml_whatever_the_cameras_are_called():
     values = {"cam03": 0.0157123, "left: {": 1.25, "7": 3e-5, "yes": 2}
-    text = correction_line("dark", values)
+    text = correction_line("scan.yaml", "dark", values)
     assert yaml.safe_load(text) == {
         "corrections": {"dark": {"cam03": 0.0157, "left: {": 1.25, "7": 3e-5, "yes": 2}}
     }
-    assert correction_line("dark", 0.0157123) == "corrections: {dark: 0.0157}"
+    assert correction_line("scan.yaml", "dark", 0.0157123) == "corrections: {dark: 0.0157}"
 
 
 def test_the_line_for_a_dark_frame_left_in_removes_it(taken):
@@ -99,10 +104,12 @@ def test_the_lines_for_gains_are_in_the_scans_own_numbers(folder):
     error, names = np.full(3, 1e-4), ("cam00", "cam01", "cam02")
     gains = Gains(np.array([1.0, 1.25, 0.8]), np.array([0.0, 0.02, 0.0]), error, error)
     scan = load_scan(folder).only(*names)
-    assert lines_for(gains, scan) == {
-        "dark": {"cam01": 0.02},
-        "gain": {"cam01": 0.8, "cam02": 1.25},
-    }
+    # the scan's source alone says how: a scan.yaml, options beside a folder, Python
+    for source in (scan.source, folder / "images", None):
+        assert lines_for(gains, replace(scan, source=source)) == {
+            "dark": {"cam01": 0.02},
+            "gain": {"cam01": 0.8, "cam02": 1.25},
+        }
     known = replace(scan, corrections=Corrections(dark={"cam01": 0.1, "cam02": 0.2}, gain=2.0))
     assert lines_for(gains, known) == {
         "dark": {"cam01": 0.11, "cam02": 0.2},
@@ -147,7 +154,7 @@ def test_one_dark_level_is_proposed_for_all_cameras(taken, pedestal, options):
     scan = taken(lambda name, image: image + level[int(name[-1])])
     found = reconstruct(scan, options=options)
     lines = [*found.warnings, *found.verdict.next]
-    assert len(re.findall(r"dark: [{\d]", "\n".join(lines))) == 1
+    assert len(re.findall(r"dark=[{\d]", "\n".join(lines))) == 1
     dark = lines_of(found.warnings)["dark"]
     assert isinstance(dark, dict) == (pedestal != "the same")
     for number, true in level.items():

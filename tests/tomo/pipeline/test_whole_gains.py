@@ -88,7 +88,7 @@ def test_reports_have_them_with_their_errors(stages_and_result):
     assert list(lines) == list(RIG.names)
     assert lines["cam03"].startswith(f"gain {result.gains['gain']['cam03']:.4g} ± 0.00")
     (finding,) = [one for one in report["findings"] if one["camera"] == "cam03"]
-    assert f"cam03: {1 / result.gains['gain']['cam03']:.3g}" in finding["line"]
+    assert f"'cam03': {1 / result.gains['gain']['cam03']:.3g}" in finding["line"]
     assert finding["effect"] == "gain"
     assert finding["size"] == pytest.approx(result.gains["gain"]["cam03"] - 1)
 

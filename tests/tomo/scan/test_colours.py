@@ -104,7 +104,7 @@ def test_a_channel_of_images_in_colour(folder, rig, edit, assert_refused):
             content["frames"][0]["images"][camera] = f"images/{camera}/first.png"
 
     edit(folder, change)
-    assert_refused(load_scan(folder).images, "camera left", "--channel r, g or b")
+    assert_refused(load_scan(folder).images, "camera left", "channel='g', 'r' or 'b'")
     masks = {name: f"{name}.png" for name in colours}
     edit(folder, lambda c: c.update(corrections={"channel": "g", "mask": masks}))
     for name, found in zip(rig.names, load_scan(folder).images("first"), strict=True):

@@ -44,7 +44,13 @@ def write(tmp_path, rig, pattern):
 def test_the_rig_is_read_and_images_are_asked_for(tmp_path, rig, shots, assert_refused, pattern):
     path = write(tmp_path, rig, pattern)
     assert formats.load(path).names == rig.names
-    words = ("frame '0001'", "camera left", "file_path", "inside the scan folder", "--images")
+    words = (
+        "frame '0001'",
+        "camera left",
+        "file_path",
+        "inside the scan folder",
+        "images='FOLDER'",
+    )
     assert_refused(lambda: load_scan(path), *words)
 
 

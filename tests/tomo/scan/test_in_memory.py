@@ -54,7 +54,8 @@ def test_a_simulated_scan_is_reconstructed_without_files(how, tmp_path):
     np.testing.assert_array_equal(found.volume, loaded.volume)
     assert found.solution.quality == loaded.solution.quality
     assert found.report()["held_out"] == loaded.report()["held_out"]
-    assert found.warnings == loaded.warnings
+    for one, other in zip(found.warnings, loaded.warnings, strict=True):  # but for where to write
+        assert one.partition("use scan")[0] == other.partition("write into scan.yaml")[0]
 
 
 def test_a_truth_on_another_grid_is_a_warning():

@@ -44,7 +44,9 @@ def options(film):
 
 
 def test_a_bad_frame_ends_the_run_and_is_named_with_what_goes_on(scan, options, tmp_path):
-    with pytest.raises(ValueError, match=r"frame frame_005: .*cam00.*frame_005\.tif.*--skip-bad"):
+    with pytest.raises(
+        ValueError, match=r"frame frame_005: .*cam00.*frame_005\.tif.*skip_bad=True"
+    ):
         reconstruct_series(scan, tmp_path / "out.zarr", options=options)
 
 

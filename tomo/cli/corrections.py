@@ -1,0 +1,129 @@
+"""Options that correct images: what a scan.yaml has as ``corrections``, for scans without one."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+if TYPE_CHECKING:
+    from tomo import Scan
+
+_PANEL = {"rich_help_panel": "Corrections, each for all cameras or CAMERA=VALUE,CAMERA=VALUE"}
+_IMAGES = "CAMERA.tif, or several images a camera, whose mean is taken"
+
+DarkOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FOLDER|FILE|LEVEL",
+        help=f"Dark frames: a folder of {_IMAGES}; a file, {{camera}} for the camera's name; or "
+        "a level in full scales, like 0.0244 or 100/4095.",
+        **_PANEL,
+    ),
+]
+FlatOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FOLDER|FILE|LEVEL",
+        help="Images of even light, dark taken off, that images are divided by; as --dark.",
+        **_PANEL,
+    ),
+]
+GainOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FACTOR",
+        help="Images times this: 1.02 for a camera that records 2 % too little.",
+        **_PANEL,
+    ),
+]
+MaskOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FOLDER|FILE",
+        help="Images that are zero where the pixel is unusable; as --dark.",
+        **_PANEL,
+    ),
+]
+SaturationOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="LEVEL",
+        help="Pixels at or above it are left out; in full scales, of images as recorded.",
+        **_PANEL,
+    ),
+]
+BitDepthOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="BITS",
+        help="Bits that the camera uses of integer images where files do not say: 12 of 16, say.",
+        **_PANEL,
+    ),
+]
+BayerOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ORDER",
+        help="Images are mosaics of colour filters in this order, like RGGB: the pixels of "
+        "--channel are used, with rays of their own.",
+        **_PANEL,
+    ),
+]
+ChannelOption = Annotated[
+    str | None,
+    typer.Option(
+        metavar="r|g|b|N",
+        help="The colour to reconstruct of images in colour, or the channel of films with "
+        "several, from 0.",
+        **_PANEL,
+    ),
+]
+
+
+def corrected(scan: Scan, options: Mapping[str, str | None]) -> Scan:
+    """Return the scan with the corrections of a command's options; others stay as they are.
+
+    Raises
+    ------
+    ValueError
+        Naming the option, if a value is none of its correction, a file is not there, or the scan
+        names colours already.
+    """
+    given = {name: value_of(name, text) for name, text in options.items() if text is not None}
+    colours = {name: given.pop(name) for name in ("channel", "bayer") if name in given}
+    if given:
+        scan = scan.with_corrections(**given)
+    return scan.of_channel(colours.get("channel"), colours.get("bayer")) if colours else scan
+
+
+def value_of(name: str, text: str) -> Any:
+    """Return a correction's value as a scan.yaml has it: ``a=1,b=2`` is one for each camera."""
+    pairs = [one.partition("=") for one in text.split(",")]
+    if Path(text).exists() or not all(mark for _, mark, _ in pairs):
+        return _plain(name, text)
+    return {camera.strip(): _plain(name, value.strip()) for camera, _, value in pairs}
+
+
+def _plain(name: str, text: str) -> Any:
+    """Return a number, a path that exists, or the name of a colour."""
+    if name == "bayer":
+        return text.upper()
+    if name == "channel":
+        return text.lower()
+    of_full = re.fullmatch(r"(\d+(?:\.\d+)?)/(\d+)", text, re.ASCII)
+    if of_full and int(of_full[2]) and not Path(text).exists():
+        return float(of_full[1]) / int(of_full[2])
+    try:
+        return int(text) if re.fullmatch(r"\d{1,9}", text, re.ASCII) else float(text)
+    except ValueError:
+        pass
+    if name in ("dark", "flat", "mask") and "{camera}" not in text and not Path(text).exists():
+        raise FileNotFoundError(
+            f"--{name}: found {text!r}, expected a folder or file that is there"
+            + ("" if name == "mask" else ", or a number")
+        )
+    return text

@@ -1,0 +1,6 @@
+"""The same as ``flametomo hull``."""
+
+from tomo.cli import main
+
+if __name__ == "__main__":
+    main("hull")
