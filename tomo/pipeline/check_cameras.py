@@ -34,8 +34,8 @@ def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
                 f"; {line}" for line in lines if line.startswith(f"camera {camera.name}:")
             )
             raise ValueError(
-                f"{scan.where}camera {camera.name}: found its position inside the grid, expected it "
-                f"outside: correct the rig, or take a smaller grid{why}. screen=False reconstructs "
-                "all the same"
+                f"{scan.where}camera {camera.name}: found its position inside the grid, expected "
+                f"it outside: correct the rig, or take a smaller grid{why}. screen=False "
+                "reconstructs all the same"
             )
     return lines
