@@ -11,9 +11,9 @@ from scipy.ndimage import binary_dilation
 
 from tomo.grid import ActiveVoxels
 from tomo.inference.fit import Fit, continued
-from tomo.inference.scores import HIDDEN, NEGLIGIBLE, OUTSIDE, Scores
+from tomo.inference.scores import NEGLIGIBLE, Scores
 from tomo.inference.solve import Values, next_fit, next_fits
-from tomo.inference.state import State, corrected
+from tomo.inference.state import HIDDEN, OUTSIDE, State, corrected
 from tomo.inference.steps import mean_volume, sizes_of
 from tomo.model.effect import Effect
 from tomo.model.gauge import without_gauge

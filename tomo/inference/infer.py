@@ -136,15 +136,18 @@ def infer(
 
 
 def _searched(given: State, scores: Scores, adaptation: Adaptation) -> State:
-    """Return the state with all effects that exceed their null; as given if the first misleads."""
-    state = given
-    for found in range(ROUNDS):
-        ratio = scores.ratios(state)
+    """Return the state with all effects that exceed their null, but for those that mislead."""
+    state, ratio = given, scores.ratios(given)
+    barred: set[str] = set()
+    for _ in range(ROUNDS):
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
-        state = adaptation.adapted(state, ratio)
-        if not found and predict_left_out(given.fits, state.fits).misleads:
-            return given  # seven more would be dropped with it
+        found = adaptation.adapted(state, ratio)
+        if predict_left_out(state.fits, found.fits).misleads:
+            barred |= found.looser_than(state)
+        else:
+            state, ratio = found, scores.ratios(found)
+        ratio |= {name: np.zeros_like(ratio[name]) for name in barred}
     return state
 
 

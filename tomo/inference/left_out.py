@@ -19,8 +19,8 @@ BETTER = 0.5
 that voxels made of turbulence are kept; more, real ones of cameras that all err are lost."""
 
 WORSE = 2.0
-"""The same, by which the effect that explains most predicts worse: no other is looked for then.
-Less, hidden pixels are not found, which gains make good; more takes long for nothing."""
+"""The same, by which an effect that is let loose predicts worse: it is not taken. Less, hidden
+pixels are not found, which gains make good; more, gains are taken that stand for hidden pixels."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from tomo.grid import ActiveVoxels
-from tomo.inference.state import State
+from tomo.inference.state import HIDDEN, OUTSIDE, State
 from tomo.inference.steps import DETAIL, DRAWN, Null, Steps
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
@@ -21,7 +21,7 @@ FALSE_ALARMS = 0.02
 NEGLIGIBLE = 0.1
 """Size of an effect, in standard deviations of its prior, that voxels may always explain."""
 
-OUTSIDE, HIDDEN, FIELD = "outside", "hidden", "field"
+FIELD = "field"
 
 LEAST = {OUTSIDE: 0.001, HIDDEN: 0.002, FIELD: 0.0005}
 """The same for light from outside, a fraction of all; for pixels that nothing explains; and for

@@ -13,6 +13,9 @@ from tomo.inference.solve import Values
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
 
+OUTSIDE, HIDDEN = "outside", "hidden"
+"""Scores of light from around the grid, and of pixels that nothing explains."""
+
 
 @dataclass(frozen=True, eq=False)
 class State:
@@ -42,6 +45,16 @@ class State:
     def has_outside(self) -> bool:
         """Whether voxels around the grid were let loose."""
         return self.fits[0].around is not None
+
+    def looser_than(self, before: State) -> set[str]:
+        """Return the names of what is loose here and was not, as scores have them."""
+        names = {n for n, free in self.free.items() if (free & ~before.free[n]).any()}
+        names |= {HIDDEN} if (self.hidden & ~before.hidden).any() else set()
+        around = self.has_outside or self.is_dark_around
+        names |= (
+            {OUTSIDE} if around and not (before.has_outside or before.is_dark_around) else set()
+        )
+        return names
 
     def takes_part(self, view: int) -> bool:
         """Return whether any pixel of a view is used."""

@@ -8,6 +8,7 @@ import pytest
 
 from phantoms import GaussianBlobs
 from tomo.inference.infer import infer
+from tomo.inference.left_out import LeftOut
 from tomo.inference.solve import first_fit, first_fits, next_fit
 from tomo.inference.steps import Steps
 from tomo.model import Absorbing, Background, Blur, FallOff, Gain, Pose
@@ -192,3 +193,17 @@ def test_the_image_of_another_moment_is_left_out(film):
 
 def test_a_camera_that_is_corrected_takes_part(found):
     assert all(found.state.takes_part(view) for view in range(6))
+
+
+def test_what_predicts_left_out_pixels_worse_is_not_taken(shifted, monkeypatch):
+    """Each effect that explains the shift is barred in turn, and the search goes on and ends."""
+    worse = LeftOut(np.zeros(9), np.tile([1.0, 2.0, 1.0], 3))
+    judged = []
+    monkeypatch.setattr(
+        "tomo.inference.infer.predict_left_out",
+        lambda before, after: judged.append(after) or worse,
+    )
+    assert worse.misleads
+    found = infer([shifted], OWN)
+    assert named(found) == {}
+    assert 1 < len(judged) <= 8
