@@ -115,7 +115,9 @@ def _check_address(address: str) -> None:
     kind, place = parse_address(address)
     try:
         get_backend(kind)
-        parse_host_port(place)
+        host = parse_host_port(place)[0]
+        if len(host) > 253:  # no name can be longer
+            raise ValueError(f"a host's name of {len(host)} characters")
     except ValueError as error:
         raise ValueError(
             f"scheduler: found {shortened(address)}, expected an address like tcp://host:8786 "

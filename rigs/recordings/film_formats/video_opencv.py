@@ -64,10 +64,12 @@ class OpenCVVideo(Reopened):
             self.frame_rate = rate if 0 < rate < 1e9 else None
             size = video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)
             self.image_size = (int(size[0]), int(size[1]))
-            stored = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(8, "little")
+            stored = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(
+                8, "little", signed=True
+            )
             video.release()
         try:
-            if stored[:4] in _UNCLEAR:
+            if stored.to_bytes(4, "little") in _UNCLEAR:
                 raise ValueError(TWO_BYTES)
             check_claim(
                 DECODING * self.image_size[0] * self.image_size[1], self.path.stat().st_size

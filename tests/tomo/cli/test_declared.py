@@ -18,6 +18,7 @@ from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}
 OWN |= {"pattern", "bayer", "channel", "workers", "scheduler", "pictures", "json", "help"}
+OWN |= {"dark", "flat", "gain", "mask", "saturation", "bit_depth"}
 
 
 def names_in(help_text):

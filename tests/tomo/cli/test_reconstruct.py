@@ -203,6 +203,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
     assert report["scan"] == {
         "frame": "frame_000",
         "source": str(load_scan(scan).source),
+        "origin": {},
         "scale": 2,
         "value_unit": "image units per mm",
         "grid": {"shape": [4, 7, 4], "spacing": [2.0, 2.0, 2.4], "center": [10.0, 0.0, -3.0]},

@@ -5,7 +5,7 @@ import pytest
 
 import rigs
 from phantoms import create
-from tomo import VoxelGrid, load_scan
+from tomo import Scan, VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
@@ -121,14 +121,11 @@ def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(take
     assert weighed < 0.99 * plain
 
 
-class _Shown:
+class _Shown(Scan):
     """A scan whose images are others."""
 
     def __init__(self, scan, images):
-        self._scan, self._images = scan, images
-
-    def __getattr__(self, name):
-        return getattr(self._scan, name)
+        vars(self).update(vars(scan), _scan=scan, _images=images)
 
     def read_with_faults(self, frame):
         return self._images, *self._scan.read_with_faults(frame)[1:]
