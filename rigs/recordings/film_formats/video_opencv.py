@@ -64,9 +64,7 @@ class OpenCVVideo(Reopened):
             self.frame_rate = rate if 0 < rate < 1e9 else None
             size = video.get(cv2.CAP_PROP_FRAME_WIDTH), video.get(cv2.CAP_PROP_FRAME_HEIGHT)
             self.image_size = (int(size[0]), int(size[1]))
-            stored = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)).to_bytes(
-                8, "little", signed=True
-            )
+            stored = int(video.get(cv2.CAP_PROP_CODEC_PIXEL_FORMAT)) & 0xFFFFFFFF
             video.release()
         try:
             if stored.to_bytes(4, "little") in _UNCLEAR:
