@@ -13,7 +13,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import LensCamera
 from rigs.files.text import shortened
 from rigs.formats._lens import named_model, refuse_skew
-from rigs.formats._values import rotation_of_motion
+from rigs.formats._values import one_of, rotation_of_motion
 from rigs.lens import Distortion
 
 _RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
@@ -95,10 +95,7 @@ def _distortion(values: Mapping[str, Any]) -> Distortion:
     given = values.get("camera_model")
     if given is None:
         given = "OPENCV_FISHEYE" if values.get("is_fisheye") else "OPENCV"
-    if not isinstance(given, str) or given not in _MODELS:
-        raise ValueError(
-            f"camera_model: found {shortened(given)}, expected one of {', '.join(_MODELS)}"
-        )
+    given = one_of(given, _MODELS, "camera_model")
     model, used = _MODELS[given]
     for key, value in lens.items():
         if value != 0 and key not in used:

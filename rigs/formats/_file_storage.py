@@ -20,6 +20,7 @@ from rigs.formats._values import (
     as_size,
     errors_of_file,
     flat,
+    one_of,
 )
 from rigs.geometry.rotation import matrix_of_vector
 
@@ -166,13 +167,7 @@ def size_of(entry: Mapping[str, Any]) -> tuple[int, int] | None:
 def is_fisheye(entry: Mapping[str, Any]) -> bool:
     """Return whether an entry's lens is a fisheye."""
     if entry.get("distortion_model") is not None:
-        model = entry["distortion_model"]
-        if not isinstance(model, str) or model not in _LENS_NAMES:
-            raise ValueError(
-                f"distortion_model: found {shortened(model)}, "
-                f"expected one of {', '.join(_LENS_NAMES)}"
-            )
-        return _LENS_NAMES[model]
+        return _LENS_NAMES[one_of(entry["distortion_model"], _LENS_NAMES, "distortion_model")]
     return bool(entry.get("fisheye_model", False))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path
@@ -82,6 +82,13 @@ def as_size(found: object, what: str) -> tuple[int, int]:
     """Return ``found``, two whole numbers from 1, as width and height."""
     width, height = (as_count(n, what) for n in as_array(found, (2,), what).tolist())
     return width, height
+
+
+def one_of(found: object, known: Iterable[str], what: str) -> str:
+    """Return ``found``, one of the ``known`` names."""
+    if not isinstance(found, str) or found not in known:
+        raise ValueError(f"{what}: found {shortened(found)}, expected one of {', '.join(known)}")
+    return found
 
 
 def as_mapping(found: object, what: str) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
-from rigs.files.text import read_json_mapping, shortened
+from rigs.files.text import read_json_mapping
 from rigs.formats._image_size import check_tables
 from rigs.formats._sphere_models import table_of
 from rigs.formats._values import (
@@ -26,6 +26,7 @@ from rigs.formats._values import (
     as_size,
     errors_of,
     errors_of_file,
+    one_of,
     required,
 )
 from rigs.geometry.rotation import matrix_of_quaternion
@@ -81,11 +82,7 @@ def _camera(name: str, pose: object, entry: object, found_size: object) -> Camer
         qw, qx, qy, qz, *position = (as_number(required(pose, key), key) for key in _POSE)
         R = matrix_of_quaternion([qw, qx, qy, qz], "qw, qx, qy, qz").T
         entry = as_mapping(entry, "intrinsics")
-        kind = entry.get("camera_type")
-        if not isinstance(kind, str) or kind not in _TYPES:
-            raise ValueError(
-                f"camera_type: found {shortened(kind)}, expected one of {', '.join(_TYPES)}"
-            )
+        kind = one_of(entry.get("camera_type"), _TYPES, "camera_type")
         values: dict[str, Any] = as_mapping(required(entry, "intrinsics"), "intrinsics")
         fx, fy, cx, cy = (as_number(required(values, k), k) for k in ("fx", "fy", "cx", "cy"))
         model, keys = _TYPES[kind]

@@ -22,6 +22,7 @@ from rigs.formats._values import (
     as_size,
     errors_of,
     errors_of_file,
+    one_of,
     read_head,
     required,
     rotation_of_motion,
@@ -67,11 +68,7 @@ def _camera(file: Path) -> Camera:
         if data.get("camera_model") != "pinhole":
             raise ValueError(f"camera_model: found {shortened(data.get('camera_model'))}, "
                              "expected pinhole")  # fmt: skip
-        kind = data.get("distortion_model")
-        if not isinstance(kind, str) or kind not in _LENSES:
-            raise ValueError(
-                f"distortion_model: found {shortened(kind)}, expected one of {', '.join(_LENSES)}"
-            )
+        kind = one_of(data.get("distortion_model"), _LENSES, "distortion_model")
         what = "distortion_coefficients"
         lens = from_vector(as_array(required(data, what), (4,), what), _LENSES[kind], what)
         fu, fv, cu, cv = as_array(required(data, "intrinsics"), (4,), "intrinsics")

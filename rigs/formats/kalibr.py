@@ -30,6 +30,7 @@ from rigs.formats._values import (
     as_size,
     errors_of,
     errors_of_file,
+    one_of,
     required,
     rotation_of_motion,
 )
@@ -94,11 +95,7 @@ def _link(found: object) -> NDArray[np.float64]:
 def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
     """Return the camera of an entry at a pose ``(4, 4)``."""
     with errors_of(f"camera {name}"):
-        model = required(entry, "camera_model")
-        if not isinstance(model, str) or model not in _LENSES:
-            raise ValueError(
-                f"camera_model: found {shortened(model)}, expected one of {', '.join(_LENSES)}"
-            )
+        model = one_of(required(entry, "camera_model"), _LENSES, "camera_model")
         lens = required(entry, "distortion_model")
         if not isinstance(lens, str) or lens not in _LENSES[model]:
             raise ValueError(

@@ -30,6 +30,7 @@ from rigs.formats._values import (
     as_rotation,
     errors_of,
     errors_of_file,
+    one_of,
     required,
 )
 from rigs.formats._views import Views
@@ -130,11 +131,7 @@ def _intrinsics(items: list[tuple[int, Any]]) -> dict[int, Camera]:
             identity, kind = value.get("polymorphic_id"), value.get("polymorphic_name")
             if isinstance(identity, int):
                 kind = kinds.setdefault(identity % _NAMED, kind) if kind else kinds.get(identity)
-            if not isinstance(kind, str) or kind not in _MODELS:
-                raise ValueError(
-                    f"polymorphic_name: found {shortened(kind)}, "
-                    f"expected one of {', '.join(_MODELS)}"
-                )
+            kind = one_of(kind, _MODELS, "polymorphic_name")
             found[number] = _lens(kind, _data(value, "value"))
     return found
 

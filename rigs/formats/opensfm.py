@@ -29,6 +29,7 @@ from rigs.formats._values import (
     as_number,
     errors_of,
     errors_of_file,
+    one_of,
     required,
 )
 from rigs.formats._views import Views
@@ -93,11 +94,7 @@ def _camera(key: str, entry: object, shot: Mapping[str, Any]) -> Camera:
     """Return the camera of a shot, under a placeholder name."""
     with errors_of(f"camera {key}"):
         entry = as_mapping(entry, "entry")
-        kind = required(entry, "projection_type")
-        if not isinstance(kind, str) or kind not in _MODELS:
-            raise ValueError(
-                f"projection_type: found {shortened(kind)}, expected one of {', '.join(_MODELS)}"
-            )
+        kind = one_of(required(entry, "projection_type"), _MODELS, "projection_type")
         for key in sorted(entry.keys() & _COEFFICIENTS - set(_MODELS[kind])):
             if as_number(entry[key], key) != 0:
                 raise ValueError(f"{key}: found {entry[key]}, expected 0 for {kind}")

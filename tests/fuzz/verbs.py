@@ -69,7 +69,7 @@ class Outcome:
 
 
 def far_off(draw, content):
-    """Multiply a number of a text by what units, slips and damage make of it."""
+    """Multiply one number of a text, as a wrong unit, a slip or damage does."""
     numbers = list(re.finditer(rb"(?<![\w.])-?\d+\.?\d*(?:e[-+]?\d+)?", content))
     if not numbers:
         return content

@@ -16,8 +16,8 @@ _FILES = (
     ("memory.max", "memory.current", "inactive_file"),
     ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
 )
-"""Of each version: the files of the limit and of what is used, and the line of ``memory.stat`` on
-files that are kept in memory while nobody needs it."""
+"""By version, two and one: the files of the limit and of the bytes in use, and the line of
+``memory.stat`` that counts files kept in memory while nobody needs them."""
 
 _NO_LIMIT = 2**60
 """Bytes from which a limit is none: version 1 writes the largest whole number of pages."""

@@ -124,8 +124,7 @@ class Fit:
 
     def trusting(self, views: NDArray[np.bool_]) -> Fit:
         """Return the fit with all usable pixels of some views trusted again."""
-        of_view = np.repeat(views, np.diff(self.system.projector.view_ptr))
-        return replace(self, trust=np.where(of_view & self.usable, 1.0, self.trust))
+        return replace(self, trust=np.where(self.of_views(views).usable, 1.0, self.trust))
 
     def of_views(self, views: NDArray[np.bool_]) -> Fit:
         """Return the fit of the pixels of some views alone."""

@@ -111,26 +111,26 @@ def infer(
         for name, some in refine.items():
             loose = loose.loosened(name, some)
         loose = adaptation.relaxed(loose)
-        afresh = first_fits(corrected(frames, effects, loose.values), active)
-        left_out = predict_left_out(state.fits, afresh)
+        loose = replace(loose, fits=first_fits(corrected(frames, effects, loose.values), active))
+        left_out = predict_left_out(state, loose)
         if left_out.is_better:
-            state, refined = adaptation.relaxed(replace(loose, fits=afresh)), refine
+            state, refined = adaptation.relaxed(loose), refine
             kept = {name: one | refine.get(name, False) for name, one in kept.items()}
     given, state = state, _searched(state, scores, adaptation)
     if state is not given:
         state = adaptation.pruned(state, kept)
     doubted = _doubted(state, given)
-    if state is not given and not predict_left_out(given.fits, state.fits).is_clearly_better:
+    if state is not given and not predict_left_out(given, state).is_clearly_better:
         state = given
     for view in doubted[: views - FEWEST_VIEWS]:
         less = adaptation.without_view(state, view)
-        if not predict_left_out(state.fits, less.fits).is_worth(1 / views):
+        if not predict_left_out(state, less).is_worth(1 / views):
             break
         state = less
     for effect in effects:
         if effect.shared and (state.free[effect.name] & ~given.free[effect.name]).any():
             less = adaptation.without_effect(state, effect.name)
-            if not predict_left_out(less.fits, state.fits).is_clearly_better:
+            if not predict_left_out(less, state).is_clearly_better:
                 state = less
     return Inference(tuple(effects), state, scores, refined, left_out)
 
@@ -143,7 +143,7 @@ def _searched(given: State, scores: Scores, adaptation: Adaptation) -> State:
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
         found = adaptation.adapted(state, ratio)
-        if predict_left_out(state.fits, found.fits).misleads:
+        if predict_left_out(state, found).misleads:
             barred |= found.looser_than(state)
         else:
             state, ratio = found, scores.ratios(found)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,13 +75,25 @@ class LeftOut:
         return self.is_clearly_better and self.after.sum() < (1 - data) * self.before.sum()
 
 
-def predict_left_out(given: Sequence[Fit], corrected: Sequence[Fit]) -> LeftOut:
-    """Return how fits of the same frames predict left-out pixels; those count that both use."""
-    squares = _squares(given)
+class Predicting(Protocol):
+    """Fits of some frames, and how they predict the pixels that are left out of them."""
+
+    @property
+    def fits(self) -> Sequence[Fit]:
+        """One a frame."""
+
+    @property
+    def left_out_errors(self) -> NDArray[np.float64]:
+        """See `squared_errors`."""
+
+
+def predict_left_out(given: Predicting, corrected: Predicting) -> LeftOut:
+    """Return how states of the same frames predict left-out pixels; those count that both use."""
+    squares = _squares(given.fits)
     out = blocks_to_leave_out(squares)
-    both = out & np.all([one.usable for one in (*given, *corrected)], axis=0)
+    both = out & np.all([one.usable for one in (*given.fits, *corrected.fits)], axis=0)
     block = np.unique(squares[both], return_inverse=True)[1]
-    before, after = (_errors(fits)[both] for fits in (given, corrected))
+    before, after = (one.left_out_errors[both] for one in (given, corrected))
     before, after = (np.bincount(block, own).astype(np.float64) for own in (before, after))
     return LeftOut(before, after, max(len(block), 1))
 
@@ -99,7 +112,7 @@ def _squares(fits: Sequence[Fit]) -> NDArray[np.intp]:
     return fits[0].system.squares([SIDE] * len(fits[0].observation.rig))
 
 
-def _errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
+def squared_errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
     """Return the squared errors of fits without left-out pixels, over the images' mean square.
 
     Usable pixels count alike, as in the solve that the effects are found for.

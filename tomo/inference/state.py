@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.inference.fit import Fit
+from tomo.inference.left_out import squared_errors
 from tomo.inference.solve import Values
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
@@ -55,6 +57,11 @@ class State:
             {OUTSIDE} if around and not (before.has_outside or before.is_dark_around) else set()
         )
         return names
+
+    @cached_property
+    def left_out_errors(self) -> NDArray[np.float64]:
+        """The squared errors of left-out pixels, ``(pixels,)``: see `squared_errors`."""
+        return squared_errors(self.fits)
 
     def takes_part(self, view: int) -> bool:
         """Return whether any pixel of a view is used."""

@@ -9,6 +9,7 @@ from rigs import box_points, ray_miss
 from tomo.inference.infer import infer
 from tomo.inference.left_out import LeftOut, predict_left_out, without_left_out
 from tomo.inference.solve import first_fits, next_fit
+from tomo.inference.state import State
 from tomo.model import Gain, Pose
 
 FOOTPRINT = 0.6
@@ -105,7 +106,8 @@ def test_left_out_pixels_do_not_take_part(observed):
     one, changed = (next_fit(fit) for fit in (trained, replace(trained, measured=other)))
     assert 0.1 < 1 - trained.usable.mean() < 0.15
     np.testing.assert_allclose(changed.unknowns, one.unknowns, atol=1e-9)
-    same = predict_left_out(fits, fits)
+    state = State(fits, {}, {}, np.zeros(6, bool))
+    same = predict_left_out(state, state)
     assert not same.is_better
     assert 0 < same.relative_errors[0] == same.relative_errors[1] < 0.2
 
