@@ -141,14 +141,13 @@ def open_arrays(path: Path) -> tuple[zarr.Group, dict[str, Any], dict[str, zarr.
         if about.get(name) != wanted:
             raise ValueError(f"{path}: {name}: found {about.get(name)!r}, expected {wanted!r}")
     arrays = {}
-    with zarr.config.set({"array.write_empty_chunks": True}):
-        for name in ("emission", *COORDINATES, *FIGURES, *CAMERA_FIGURES, "complete"):
-            with errors_of_libraries(f"{path / name / 'zarr.json'}: not readable"):
-                found = group.get(name)
-                dict(() if found is None else found.attrs)  # may be no mapping
-            if not isinstance(found, zarr.Array):
-                raise ValueError(f"{path}: {name}: found no such array, expected one")
-            arrays[name] = found
+    for name in ("emission", *COORDINATES, *FIGURES, *CAMERA_FIGURES, "complete"):
+        with errors_of_libraries(f"{path / name / 'zarr.json'}: not readable"):
+            found = group.get(name)
+            dict(() if found is None else found.attrs)  # may be no mapping
+        if not isinstance(found, zarr.Array):
+            raise ValueError(f"{path}: {name}: found no such array, expected one")
+        arrays[name] = found.with_config({"write_empty_chunks": True})
     with errors_of_libraries(f"{path / 'zarr.json'}: attributes"):
         record = arrays["complete"]
         _check_attributes(about, about.pop(_CHECKSUM, None), record.size)

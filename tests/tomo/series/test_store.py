@@ -1,9 +1,12 @@
+from contextlib import nullcontext
+
 import numpy as np
 import pytest
 import xarray
 import zarr
 
 from tomo.series import SeriesStore
+from tomo.series.solving import SKIPPED
 
 
 def test_xarray_reads_the_store_with_units_and_coordinates(film, undisturbed, recwarn):
@@ -43,6 +46,15 @@ def test_psnr_and_ssim_say_their_peak_with_its_unit(undisturbed):
     assert (peak["unit"], peak["origin"]) == ("image units", "brightest measured pixel")
     for name in ("psnr", "ssim"):
         assert undisturbed.group[name].attrs["peak"] == peak
+
+
+def test_figures_that_are_not_numbers_have_files_too(undisturbed, tmp_path, monkeypatch):
+    """Another thread that opens a store may take a common setting of zarr back at any moment."""
+    monkeypatch.setattr(zarr.config, "set", lambda *_: nullcontext())
+    about = undisturbed.attributes
+    made = SeriesStore.create(tmp_path / "out.zarr", undisturbed.grid, [0, 1], [0, 1], about)
+    made.finish(range(2), [SKIPPED, SKIPPED])
+    assert (made.path / "nrmse" / "c" / "0").is_file()
 
 
 def test_incomplete_frames_are_not_handed_out(undisturbed, tmp_path):
