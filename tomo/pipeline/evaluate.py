@@ -35,7 +35,7 @@ from tomo.scan.images import Images, Masks
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
-    from tomo.wernet.default import LearnedWeights
+    from tomo.pipeline.learned_weights import LearnedWeights
 
 
 @dataclass(frozen=True, eq=False)
@@ -284,7 +284,7 @@ def _views_apart(
 
 def _summary(system: LinearSystem, learned: LinearSystem, found: Solution) -> LearnedWeights:
     """Return the learned weights over the segment lengths."""
-    from tomo.wernet.default import LearnedWeights
+    from tomo.pipeline.learned_weights import LearnedWeights
 
     return LearnedWeights.of(
         found.weights,

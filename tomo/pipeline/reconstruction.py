@@ -27,8 +27,8 @@ if TYPE_CHECKING:
 
     from xarray import DataArray
 
+    from tomo.pipeline.learned_weights import LearnedWeights
     from tomo.uncertainty import Assessment
-    from tomo.wernet.default import LearnedWeights
 
 
 @dataclass(frozen=True, eq=False)

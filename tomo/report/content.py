@@ -13,7 +13,7 @@ from tomo.grid import VoxelGrid
 from tomo.pipeline.view import View
 
 if TYPE_CHECKING:
-    from tomo.wernet.default import LearnedWeights
+    from tomo.pipeline.learned_weights import LearnedWeights
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 from rigs.files import atomic_path
 from tomo.draw.figures import png_bytes
@@ -17,6 +17,7 @@ from tomo.report.content import Results
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from tomo.pipeline.learned_weights import LearnedWeights
 
 SHOWN = 0.57
 """Width of a picture on a page over its own pixels: the widest then fill a page on a large screen,
@@ -129,7 +130,7 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
         (
             learned is not None,
             "learned",
-            lambda: draw_learned(learned, unit),
+            lambda: draw_learned(cast("LearnedWeights", learned), unit),
             "Learned weights over segment lengths: means over the emission (grey: where it is) by "
             "depth in the grid as seen from the camera, upstream emission, and angle off the "
             "image's middle; and the relative residual of pixels left out, by segment lengths "

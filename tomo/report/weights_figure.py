@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tomo.wernet.default import LearnedWeights, Profile
+    from tomo.pipeline.learned_weights import LearnedWeights, Profile
 
 _LEARNED, _LIGHT = "#1f6fb2", "#e6eaee"
 

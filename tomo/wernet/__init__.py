@@ -1,14 +1,14 @@
 """WERNet: weights of voxels along rays, learned together with the voxels.
 
 The network of Pan, Li and Xu (arXiv 2010.00893) replaces segment lengths by weights that an
-encoder computes for each ray in each voxel. Two forms are here:
+encoder computes for each ray in each voxel. `WERNet` is the whole image formation as one torch
+module, for training loops of one's own. Two methods train it:
 
-- `tomo.wernet.default`: segment lengths corrected by an encoder (method ``wernet``);
-- `tomo.wernet.paper`: the published network (method ``wernet-paper``).
+- `wernet` (method ``wernet``): segment lengths corrected by an encoder, kept where left-out pixels
+  ask for it;
+- `wernet_paper` (method ``wernet-paper``): the published network, its weights the encoder's alone.
 
-They share the packing of rays (`packing`), the convolution (`convolution`), micro-batches
-(`micro_batches`), the device (`device`), ray directions (`ray_directions`) and files of encoders
-(`encoder_file`). PyTorch is loaded on first use of a name below.
+PyTorch is loaded on first use of a name below.
 """
 
 import lazy_loader
@@ -20,20 +20,15 @@ set_passive_waiting()
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "convolution": ["packed_convolution"],
-        "default.encoder": ["CorrectionEncoder"],
-        "default.learned_weights": ["LearnedWeights", "Profile"],
-        "default.ray_features": ["RayFeatures"],
-        "default.ray_weights": ["RayWeights"],
-        "default.wernet": ["wernet"],
-        "device": ["usable_device"],
-        "encoder_file": ["load_encoder", "save_encoder"],
-        "packing": ["Packing"],
-        "paper.encoder": ["VARIANTS", "WeightEncoder"],
-        "paper.model": ["WERNet"],
-        "paper.product": ["packed_sum", "weighted_sum"],
-        "paper.samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
-        "paper.settings": ["PaperSettings"],
-        "paper.wernet_paper": ["TrainingDivergedError", "wernet_paper"],
+        "encoder": ["VARIANTS", "Encoder"],
+        "features": ["INPUTS", "OPTICS", "RayFeatures"],
+        "files": ["load_encoder", "save_encoder"],
+        "model": ["WERNet"],
+        "paper": ["wernet_paper", "wernet_paper_frames"],
+        "rays": ["RayBatch", "Rays"],
+        "settings": ["PaperSettings", "WernetSettings", "load_settings", "settings_names"],
+        "training": ["TrainingDivergedError", "usable_device"],
+        "weights": ["RayWeights"],
+        "wernet": ["wernet"],
     },
 )

@@ -10,10 +10,12 @@ import torch
 from numpy.typing import NDArray
 
 from tomo.operators import Projector
-from tomo.wernet.default.encoder import CorrectionEncoder
-from tomo.wernet.default.ray_features import RayFeatures
-from tomo.wernet.micro_batches import ChunkMap, chunk_map, micro_batches
-from tomo.wernet.packing import Packing
+from tomo.wernet.encoder import Encoder
+from tomo.wernet.rays import RayBatch, Rays
+from tomo.wernet.training import PartMap, part_map, parts_of
+
+AT_ONCE = 1 << 14
+"""Rays that are packed together. More: memory. Fewer: time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,19 +24,20 @@ class RayWeights:
 
     Attributes
     ----------
-    encoder : CorrectionEncoder
+    encoder : Encoder
+        One that sees "optics".
     volume : (unknowns,) float32
         The means of the voxels that the upstream emission is computed from.
     unit : float
         Unit of the upstream emission.
     image_scale : float
-        See `RayFeatures`.
+        See `tomo.wernet.features.RayFeatures`.
     gauge : (unknowns,) float32
         ``g``, see `mean_of_voxels`. No image tells a factor of all weights of a voxel from one of
         its emission: the mean weight in each voxel is therefore the mean length.
     """
 
-    encoder: CorrectionEncoder
+    encoder: Encoder
     volume: NDArray[np.float32]
     unit: float
     image_scale: float
@@ -54,10 +57,10 @@ class RayWeights:
             midpoints; its unknowns are those of ``volume``.
         """
         device = self.encoder.last.weight.device
-        features = RayFeatures.of(projector, device, image_scale=self.image_scale)
-        upstream = features.upstream_emission(self.volume, self.unit)
-        with chunk_map(device) as map_chunks:
-            correction = corrections(self.encoder, features, upstream, map_chunks)
+        rays = Rays.of(projector, "optics", device=device, image_scale=self.image_scale)
+        rays = rays.with_upstream(self.volume, self.unit)
+        with part_map(device) as map_parts:
+            correction = corrections(self.encoder, rays, map_parts)
         return reweighted(projector, self.ratio(correction, projector))
 
     def ratio(self, correction: NDArray[np.float32], projector: Projector) -> NDArray[np.float32]:
@@ -75,31 +78,17 @@ def mean_of_voxels(correction: NDArray[np.float32], projector: Projector) -> NDA
     return np.divide(weights, lengths, ones, where=weights > 0).astype(np.float32)
 
 
-def packed_corrections(
-    encoder: CorrectionEncoder, features: RayFeatures, upstream: torch.Tensor, rays: torch.Tensor
-) -> tuple[Packing, torch.Tensor]:
-    """Return the packing of some rays and the corrections of their segments, ``(E,)``."""
-    packing, described = features.packed(rays, upstream)
-    return packing, encoder(packing.to_rows(described), packing.mask)[packing.row]
-
-
-def corrections(
-    encoder: CorrectionEncoder,
-    features: RayFeatures,
-    upstream: torch.Tensor,
-    map_chunks: ChunkMap,
-) -> NDArray[np.float32]:
+def corrections(encoder: Encoder, rays: Rays, map_parts: PartMap) -> NDArray[np.float32]:
     """Return the correction of every segment, ``(S,)``."""
-    found = np.zeros(len(features.voxel), np.float32)
-    nonempty = features.count.nonzero()[:, 0]
 
-    def fill(chunk: slice) -> None:
-        with torch.no_grad():
-            packing, values = packed_corrections(encoder, features, upstream, nonempty[chunk])
-        found[packing.segment.cpu().numpy()] = values.cpu().numpy()
+    @torch.no_grad()
+    def correct(part: RayBatch) -> NDArray[np.float32]:
+        return encoder(part.features, part.mask)[part.row].cpu().numpy()
 
-    map_chunks(fill, micro_batches(features.count[nonempty]))
-    return found
+    found = []
+    for some in torch.arange(len(rays)).split(AT_ONCE):  # in order: segments come as they are
+        found += map_parts(correct, parts_of(rays.take(some)))
+    return np.concatenate(found)
 
 
 def reweighted(projector: Any, ratio: NDArray[np.float32]) -> Any:

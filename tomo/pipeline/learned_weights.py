@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators import Projector
-from tomo.wernet.default.ray_features import RayFeatures
-from tomo.wernet.default.ray_weights import RayWeights
+from tomo.wernet.rays import Rays
+from tomo.wernet.weights import RayWeights
 
 BINS = 20
 
@@ -108,20 +108,21 @@ class LearnedWeights:
             The emission by which segments count.
         held_out_residual : mapping
         """
-        features = RayFeatures.of(lengths, image_scale=weights.image_scale)
-        upstream = features.upstream_emission(weights.volume, weights.unit).numpy()
+        rays = Rays.of(lengths, "optics", image_scale=weights.image_scale)
+        rays = rays.with_upstream(weights.volume, weights.unit)
+        of_ray, of_segment = rays.features.of_ray.numpy(), rays.features.of_segment.numpy()
         length = lengths.segments.length.astype(np.float64)
         light = length * np.maximum(lengths.active.compress(volume)[lengths.segments.voxel], 0)
         if not light.sum() > 0:
             light = length  # a dark volume: every segment counts by its length
         ratio = np.divide(learned.segments.length, length, np.ones_like(length), where=length > 0)
-        depth = (features.depth.numpy() + 1) / 2 * features.shortest_edge
-        tangent = np.hypot(*features.of_ray.numpy().T[3:5]) * weights.image_scale
-        angle = np.repeat(np.degrees(np.arctan(tangent)), features.count.numpy())
+        depth = (of_segment[:, 0] + 1) / 2 * min(lengths.grid.extent)
+        tangent = np.hypot(*of_ray.T[3:5]) * weights.image_scale
+        angle = np.repeat(np.degrees(np.arctan(tangent)), rays.count.numpy())
         ratio /= light @ ratio / light.sum()
         columns = (
             ("depth in the grid", "length", depth),
-            ("upstream emission", "root mean square pixel", upstream),
+            ("upstream emission", "root mean square pixel", of_segment[:, 1]),
             ("angle off the image's middle", "degrees", angle),
         )
         return cls(

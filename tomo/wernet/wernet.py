@@ -1,10 +1,30 @@
-"""The default WERNet as a solver: the default's solve with ray weights learned from the images."""
+"""The default WERNet as a solver: segment lengths corrected by what the images ask for.
+
+The classic model predicts a pixel by ``p_i = sum_j a_ij x_j`` with the segment lengths ``a``. Here
+each length is corrected by a factor near one::
+
+    w_ij = a_ij (1 + e_ij)² / g_j
+
+with the output ``e`` of an encoder that sees what optics may depend on. It is zero at first: the
+weights are then the segment lengths. The gauge ``g`` keeps the mean weight in each voxel at the
+mean length, and so the unit. What formulas describe, gains and gas, is found before this
+(`tomo.inference`); the encoder learns what no formula covers.
+
+1. The classic solve that predicts left-out pixels best is the baseline.
+2. Outer iterations alternate between encoder and voxels. The encoder is trained at fixed voxels,
+   and the voxels are solved for again with the weights that it gives. At voxels that are optimal
+   for the weights, the gradient of the loss by the encoder is that with the voxels eliminated
+   (envelope theorem), so that the alternation descends on it, but for the gauge, which training
+   leaves out.
+3. All of this is done without every eighth block of pixels. An encoder is kept where it predicts
+   these better by more than chance; otherwise the result is the baseline.
+"""
 
 from __future__ import annotations
 
-import copy
 import math
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +32,6 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.files.size_guard import errors_of_libraries
 from tomo.operators import VOXEL
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured, check_weights
@@ -20,15 +39,13 @@ from tomo.selection import Choice, solve_as_chosen
 from tomo.selection.folds import FEW_VIEWS
 from tomo.solvers import Iteration, Solution
 from tomo.solvers.solution import Callback
-from tomo.wernet.default.checkpoint import Checkpoint
-from tomo.wernet.default.encoder import CorrectionEncoder
-from tomo.wernet.default.left_out import LeftOut
-from tomo.wernet.default.outer_iterations import OuterIterations
-from tomo.wernet.default.ray_features import RayFeatures
-from tomo.wernet.default.training import EncoderTraining
-from tomo.wernet.device import usable_device
-from tomo.wernet.encoder_file import load_encoder
-from tomo.wernet.micro_batches import chunk_map
+from tomo.wernet.encoder import Encoder
+from tomo.wernet.files import own_copy
+from tomo.wernet.left_out import LeftOut
+from tomo.wernet.outer_iterations import EncoderTraining, OuterIterations
+from tomo.wernet.rays import Rays
+from tomo.wernet.settings import WernetSettings
+from tomo.wernet.training import part_map, usable_device
 
 FEWEST_VIEWS = 3
 """Views that learning needs at least: whatever the weights, some volume reproduces two."""
@@ -46,18 +63,13 @@ def wernet(
     weights: ArrayLike | None = None,
     pixel_blocks: NDArray[np.int64] | None = None,
     callback: Callback | None = None,
-    encoder: str | Path | CorrectionEncoder | None = None,
+    settings: WernetSettings | None = None,
+    encoder: str | Path | Encoder | None = None,
     freeze_encoder: bool = False,
-    blocks: int = 2,
-    channels: int = 16,
-    checkpoint: str | Path | None = None,
-    resume: bool = False,
     device: str | torch.device = "cpu",
     seed: int = 0,
 ) -> Solution:
     """Reconstruct with weights ``length (1 + e)²`` whose correction ``e`` is learned.
-
-    The method and its formulas are described in `tomo.wernet.default`.
 
     Parameters
     ----------
@@ -76,17 +88,13 @@ def wernet(
         ``callback(index, unknowns, relative_residual)`` after the solve with segment lengths,
         index 0, and after every outer iteration; returning True stops. It is called once more at
         the end where the result is not the last of these volumes.
-    encoder : path or CorrectionEncoder, optional
+    settings : WernetSettings, optional
+        Shape of a new encoder, and its training; the usual ones when None.
+    encoder : path or Encoder, optional
         Start from this encoder: a file that `save_encoder` wrote, or one in memory, which is
         copied. A new one when None.
     freeze_encoder : bool
         Use the encoder without training it.
-    blocks, channels : int
-        Shape of a new encoder, see `CorrectionEncoder`.
-    checkpoint : path, optional
-        A file to write the state to after every outer iteration.
-    resume : bool
-        Resume from the checkpoint, where there is one.
     device : str or torch.device
         Where the encoder is trained. The voxels are solved for on the CPU.
     seed : int
@@ -104,7 +112,7 @@ def wernet(
     ------
     ValueError
         For segments without midpoints, sizes that do not match, values that are not finite, an
-        unknown device, an encoder of another kind, or a checkpoint of another problem.
+        unknown device, or an encoder of other inputs.
 
     Notes
     -----
@@ -121,17 +129,19 @@ def wernet(
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder as well")
     record = _Record(callback)
     measured, place = check_measured(projector, measured), usable_device(device)
-    features = RayFeatures.of(projector, place)
+    training_settings = WernetSettings() if settings is None else settings
+    rays = Rays.of(projector, "optics", device=place)
     if encoder is None:
-        name, own = None, CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
-        if len(projector.views_with_pixels) <= FEW_VIEWS:
-            own.show_only(FEW_VIEW_FEATURES)
-    elif isinstance(encoder, CorrectionEncoder):
-        name, own = "in memory", copy.deepcopy(encoder)
+        few = len(projector.views_with_pixels) <= FEW_VIEWS
+        name, own = None, Encoder(
+            "optics", blocks=training_settings.blocks, channels=training_settings.channels,
+            silent=True, shown=FEW_VIEW_FEATURES if few else None, seed=seed,
+        )  # fmt: skip
     else:
-        name, own = str(encoder), load_encoder(encoder, CorrectionEncoder)
+        name = "in memory" if isinstance(encoder, Encoder) else str(encoder)
+        own = own_copy(encoder, ("optics",))
     own = own.to(place)
-    settings = {
+    record_of = {
         "method": "wernet",
         "iterations": 0 if freeze_encoder else int(iterations),
         "weighted": weights is not None,
@@ -139,32 +149,25 @@ def wernet(
         "freeze_encoder": freeze_encoder,
         "device": str(device),
         "seed": seed,
+        **asdict(training_settings),
         **own.settings,
     }
-    saved = None
-    if checkpoint is not None:
-        saved = Checkpoint.of(checkpoint, settings, projector, measured)
-    state = saved.load() if saved and resume else None  # refused, if at all, before the work
     weights = check_weights(projector, weights)
     pixels = LeftOut.of(projector, measured, pixel_blocks, weights)
     choice = pixels.choose(projector)
     classic = solve_as_chosen(projector, measured, choice, weights=weights)
-    with chunk_map(place) as map_chunks:
+    with part_map(place) as map_parts:
         training = EncoderTraining(
-            features, measured, own, iterations=max(int(iterations), 1), seed=seed,
-            map_chunks=map_chunks, held=pixels.held,
+            rays, measured, own, training_settings, iterations=max(int(iterations), 1), seed=seed,
+            map_parts=map_parts, held=pixels.held,
         )  # fmt: skip
         limit = 1 if freeze_encoder else int(iterations)
         outer = OuterIterations(pixels, training, choice, limit, not freeze_encoder)
         outer.stop_reason = _nothing_to_learn(pixels, choice)
         if record.add(0, projector.active.compress(classic.volume), classic.relative_residual):
             outer.stop_reason = "stopped by the callback before the first outer iteration"
-        if saved and state is not None and not outer.stop_reason:
-            damaged = "found a damaged checkpoint, expected a complete one"
-            with errors_of_libraries(f"{saved.path}: {damaged}"):
-                outer.load_state_dict(state)
-        outer.run(record.add, None if saved is None else lambda: saved.save(outer.state_dict()))
-    return _solution(outer, record, classic, settings)
+        outer.run(record.add)
+    return _solution(outer, record, classic, record_of)
 
 
 class _Record:

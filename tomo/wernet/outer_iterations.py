@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
 import numpy as np
 import torch
@@ -15,14 +14,13 @@ from numpy.typing import NDArray
 
 from tomo.selection import Choice
 from tomo.selection.folds import surely_lower
-from tomo.wernet.default.left_out import Judged, LeftOut
-from tomo.wernet.default.ray_weights import (
-    RayWeights,
-    corrections,
-    mean_of_voxels,
-    reweighted,
-)
-from tomo.wernet.default.training import EncoderTraining
+from tomo.wernet.encoder import Encoder
+from tomo.wernet.left_out import Judged, LeftOut
+from tomo.wernet.model import WERNet
+from tomo.wernet.rays import RayBatch, Rays
+from tomo.wernet.settings import WernetSettings
+from tomo.wernet.training import PartMap, parts_of, step
+from tomo.wernet.weights import RayWeights, corrections, mean_of_voxels, reweighted
 
 LARGEST_CORRECTION = 1e3
 """Corrections above it count as divergence: weights are then a million times the segment
@@ -102,27 +100,16 @@ class OuterIterations:
         """Squared error of left-out pixels when smoothness was chosen last."""
         return float(self.lengths.errors.sum())
 
-    def run(
-        self,
-        add: Callable[[int, NDArray[np.float32], float], bool],
-        save: Callable[[], None] | None = None,
-    ) -> None:
+    def run(self, add: Callable[[int, NDArray[np.float32], float], bool]) -> None:
         """Iterate until there is a reason to stop.
 
-        Parameters
-        ----------
-        add : callable
-            ``add(number, unknowns, residual)`` after every iteration returns whether to stop.
-        save : callable, optional
-            Called after every iteration that trained.
+        ``add(number, unknowns, residual)`` after every iteration returns whether to stop.
         """
         while not self.stop_reason and self.done < self.limit:
             found = self.iterate()
             if found is None:
                 self.stop_reason = f"diverged in outer iteration {self.done}"
                 return
-            if save and self.train:
-                save()
             if add(self.done, found.unknowns, found.training_residual):
                 self.stop_reason = f"stopped by the callback after outer iteration {self.done}"
 
@@ -132,20 +119,20 @@ class OuterIterations:
         before = self.lengths.unknowns if self.unknowns is None else self.unknowns
         volume = projector.active.expand(before).reshape(projector.grid.shape)
         means = projector.active.compress(projector.voxel_means(volume))
-        upstream = own.features.upstream_emission(means, own.unit)
+        rays = own.rays.with_upstream(means, own.unit)
         loss = 0.0
         if self.train:
             present = projector
             if self.ratio is not None:
                 present = reweighted(projector, self.ratio)
             offset = present @ before - present.without_blur @ means
-            loss = own.train(self.done, means, upstream, offset)
+            loss = own.train(self.done, rays, means, offset)
         self.done += 1
-        correction = corrections(own.encoder, own.features, upstream, own.map_chunks)
+        correction = corrections(own.encoder, rays, own.map_parts)
         largest = np.abs(correction).max(initial=0.0)
         if not (math.isfinite(loss) and largest <= LARGEST_CORRECTION):
             return None
-        encoder, scale = copy.deepcopy(own.encoder), own.features.image_scale
+        encoder, scale = copy.deepcopy(own.encoder), own.rays.features.image_scale
         gauge = mean_of_voxels(correction, projector)
         weights = RayWeights(encoder, means, own.unit, scale, gauge)
         self.ratio = weights.ratio(correction, projector)
@@ -163,40 +150,105 @@ class OuterIterations:
         self.unknowns, self.residual = found.unknowns, self.pixels.residual(found.errors)
         return found
 
-    def state_dict(self) -> dict[str, Any]:
-        """Return the state to resume from, as tensors and plain values."""
-        best = self.best and {
-            "number": self.best.number,
-            "errors": torch.from_numpy(self.best.errors),
-            "encoder": self.best.weights.encoder.state_dict(),
-            "volume": torch.from_numpy(self.best.weights.volume),
-            "gauge": torch.from_numpy(self.best.weights.gauge),
-        }
-        return {
-            "done": self.done,
-            "residual": self.residual,
-            "stop_reason": self.stop_reason,
-            "unknowns": torch.from_numpy(self.unknowns),
-            "ratio": torch.from_numpy(self.ratio),
-            "best": best,
-            "choice": self.choice and list(self.choice.setting),
-            "chosen_for": self.chosen_for,
-            "training": self.training.state_dict(),
-        }
 
-    def load_state_dict(self, state: Mapping[str, Any]) -> None:
-        """Resume from a state."""
-        own, best = self.training, state["best"]
-        own.load_state_dict(state["training"])
-        self.done, self.residual = int(state["done"]), float(state["residual"])
-        self.stop_reason = str(state["stop_reason"])
-        self.unknowns, self.ratio = (state[name].numpy() for name in ("unknowns", "ratio"))
-        self.choice = state["choice"] and Choice(*state["choice"])
-        self.chosen_for = float(state["chosen_for"])
-        if best is not None:
-            encoder = copy.deepcopy(own.encoder)
-            encoder.load_state_dict(best["encoder"])
-            volume, gauge = best["volume"].numpy(), best["gauge"].numpy()
-            scale = own.features.image_scale
-            weights = RayWeights(encoder, volume, own.unit, scale, gauge)
-            self.best = JudgedWeights(int(best["number"]), best["errors"].numpy(), weights)
+class EncoderTraining:
+    """The encoder's half of the alternating minimisation over weights and voxels.
+
+    Parameters
+    ----------
+    rays : Rays
+        Of all pixels, seen as "optics".
+    measured : (rays,) float32
+    encoder : Encoder
+        Trained in place.
+    settings : WernetSettings
+    iterations : int
+        Outer iterations over which the learning rate falls.
+    seed : int
+        Seed of the order of the rays.
+    map_parts : PartMap
+    held : (rays,) bool
+        Rays that are not trained on.
+
+    Notes
+    -----
+    The loss of some rays at the voxels ``x`` is::
+
+        mean (p - m)² / mean m²  +  penalty mean e²,    p = d + sum_j length_j (1 + e_j)² x_j
+
+    with the offset ``d`` of the present prediction, in the basis of the solve, from the sum over
+    voxels of even emission: else the encoder would learn what these lack.
+
+    Attributes
+    ----------
+    unit : float
+        The root mean square of the measured pixels.
+    """
+
+    def __init__(
+        self,
+        rays: Rays,
+        measured: NDArray[np.float32],
+        encoder: Encoder,
+        settings: WernetSettings,
+        *,
+        iterations: int,
+        seed: int,
+        map_parts: PartMap,
+        held: NDArray[np.bool_],
+    ) -> None:
+        self.rays, self.encoder, self.settings = rays, encoder, settings
+        self.iterations, self.measured, self.map_parts = iterations, measured, map_parts
+        self.unit = math.sqrt(np.mean(np.square(measured, dtype=np.float64))) or 1.0
+        rate, trained = settings.learning_rate, list(encoder.parameters())
+        self.optimiser = torch.optim.Adam(trained, lr=rate, betas=(0.9, 0.99))
+        self.generator = torch.Generator().manual_seed(seed)
+        self.usable = rays.crossing[torch.from_numpy(~held)[rays.crossing]]
+
+    def train(
+        self,
+        number: int,
+        rays: Rays,
+        volume: NDArray[np.float32],
+        offset: NDArray[np.float32],
+    ) -> float:
+        """Train for one outer iteration with the voxels fixed; return the mean loss.
+
+        Parameters
+        ----------
+        number : int
+            Number of the outer iteration, from 0.
+        rays : Rays
+            With the emission before each segment.
+        volume : (unknowns,) float32
+            The means of the voxels.
+        offset : (rays,) float32
+            What the prediction of each pixel has beside the sum over its segments.
+        """
+        settings, place = self.settings, rays.length.device
+        cosine = 0.5 * (1 + math.cos(math.pi * min(number / self.iterations, 1.0)))
+        for group in self.optimiser.param_groups:
+            fraction = settings.last_rate + (1 - settings.last_rate) * cosine
+            group["lr"] = settings.learning_rate * fraction
+        # Squares in single precision cannot hold 1e30 nor 1e-30; powers of two change no digit.
+        mantissa, exponent = math.frexp(self.unit)
+        model = WERNet(np.ldexp(volume, -exponent), self.encoder).to(place)
+        model.voxels.requires_grad_(False)
+        target = torch.from_numpy(np.ldexp(self.measured - offset, -exponent)).to(place)
+
+        def loss_of(part: RayBatch) -> tuple[torch.Tensor, torch.Tensor]:
+            correction = model.encode(part)
+            assert correction is not None
+            misfit = (model.pixels(part, correction) - target[part.number]).square().sum()
+            loss = misfit / (mantissa**2 * n_rays)
+            loss = loss + settings.penalty * correction.square().sum() / n_segments
+            return loss, loss
+
+        losses = []
+        order = torch.randperm(len(self.usable), generator=self.generator)
+        size = max(min(len(order) // settings.steps, settings.rays_per_step), 1)
+        for some in self.usable[order[: settings.steps * size]].split(size):
+            batch = rays.take(some.sort().values)
+            n_rays, n_segments = len(batch), len(batch.voxel)
+            losses.append(step(self.optimiser, parts_of(batch), loss_of, self.map_parts))
+        return float(torch.stack(losses).mean())
