@@ -196,7 +196,7 @@ def _series(
 
 def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
     """Return the values with the default checkpoint of WERNet, which is in the output folder."""
-    if values.get("method") == "wernet" and values.get("checkpoint") is None:
+    if values.get("method") == "wernet-paper" and values.get("checkpoint") is None:
         return values | {"checkpoint": str(out / CHECKPOINT)}
     return values
 

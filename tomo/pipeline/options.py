@@ -290,14 +290,14 @@ class Options(Declared, gone=GONE):
     )
     checkpoint: str | None = option(
         None,
-        "A file in which wernet keeps the state of its training; the command's default is "
+        "A file in which wernet-paper keeps the state of its training; the command's default is "
         "checkpoint.pt in the output folder.",
         path(),
         expert=True,
     )
     resume: bool = option(
         False,
-        "Whether wernet goes on from the checkpoint where there is one.",
+        "Whether wernet-paper goes on from the checkpoint where there is one.",
         switch(),
         expert=True,
     )

@@ -15,8 +15,8 @@ from tomo.wernet.features import INPUTS, OPTICS
 VARIANTS = ("no-bias", "bias-mask", "batch-norm")
 
 ROWS = 512
-"""Rows are padded to a multiple of it. PyTorch prepares a convolution anew for every number of rows,
-which takes as long as the convolution. Larger: empty rows. Smaller: more preparations."""
+"""Rows are padded to a multiple of it. PyTorch prepares a convolution anew for every number of
+rows, which takes as long as the convolution. Larger: empty rows. Smaller: more preparations."""
 
 SLOPE = 0.01  # of the Leaky ReLU below zero: PyTorch's default, the paper names none
 

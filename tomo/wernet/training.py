@@ -195,10 +195,13 @@ class JointTraining:
     def _epoch(self, map_parts: PartMap) -> float:
         """Use every ray once; return the relative residual of the predictions made on the way."""
         mixed = torch.randperm(len(self.numbers), generator=self.generator)
-        steps = self._steps(self.numbers[mixed])
-        squares = [self._step(parts, n_rays, map_parts) for parts, n_rays in steps]
-        error = float(torch.stack(squares).sum())  # the one time that the host waits for a device
+        error = self.use(self.numbers[mixed], map_parts)
         return (error / self.square) ** 0.5 if self.square > 0 else error
+
+    def use(self, numbers: torch.Tensor, map_parts: PartMap) -> float:
+        """Take steps on rays of these numbers, in this order; return their squared error."""
+        squares = [self._step(parts, n_rays, map_parts) for parts, n_rays in self._steps(numbers)]
+        return float(torch.stack(squares).sum())  # the one time that the host waits for a device
 
     def _steps(self, order: torch.Tensor) -> Iterator[tuple[Iterable[RayBatch], int]]:
         """Yield the parts and the number of rays of each step of an epoch.

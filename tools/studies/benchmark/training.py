@@ -1,32 +1,32 @@
-"""What packing, skipping and a GPU save when WERNet is trained as its paper has it.
+"""What packing and skipping save, and a GPU, when WERNet is trained as its paper has it.
 
-The jet seen by 33 views. Padded is the paper's form: every ray as long as the longest of its step,
-and torch's convolutions. A form is timed in some steps of about 3200 rays, the same ones for each
-but for those skipped, in turn; medians. An epoch is that times all its rays over those timed.
+The jet seen by 33 views. The plain form is what one writes first in PyTorch: every ray padded to
+the longest of its step, `torch.nn.Conv1d`, one loss. A form is timed in some steps of about 3200
+rays, the same ones for each but for those skipped, in turn; medians. An epoch is that times all
+its rays over those timed.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from studies.benchmark.plain_wernet import plain_trainer
 from studies.benchmark.sizes import SIZES
 from studies.common.flames import Scene, scene
-from studies.common.problems import problem
+from studies.common.problems import Problem, problem
 from studies.common.study import Request, Tables
 from studies.common.timing import in_turn
-from tomo.wernet.device import adam
-from tomo.wernet.micro_batches import chunk_map
-from tomo.wernet.paper import RaySamples, WeightEncoder, WERNet
-from tomo.wernet.paper.epoch import train_epoch
+from tomo.wernet import Encoder, PaperSettings, Rays, WERNet
+from tomo.wernet.training import JointTraining, part_map
 
-FORMS = (("padded", False, "cpu"), ("packed", False, "cpu"), ("packed", True, "cpu"))
+FORMS = tuple((form, skip, "cpu") for form in ("plain", "packed") for skip in (False, True))
 """How rays lie in memory, whether dark pixels and voxels are skipped, and where training runs; the
-paper's first."""
+plain form first."""
 
 ELSEWHERE = ("packed", True, "cuda")
 """Timed as well where PyTorch has such a device."""
@@ -35,12 +35,9 @@ VARIANTS = ("batch-norm", "bias-mask")
 RAYS_A_STEP = 3200  # the paper's 32 samples of 100
 SEED = 1
 
-Steps = Sequence[torch.Tensor]
-"""Numbers of the rays of each step, ``(rays,)`` int64."""
-
 
 COLUMNS = {
-    "training": "variant layout skip device rays segments steps timed_rays seconds epoch_seconds "
+    "training": "variant layout skip device rays segments timed_rays seconds epoch_seconds "
     "times_faster",
 }
 
@@ -50,11 +47,12 @@ def run(request: Request) -> Tables:
     sizes = SIZES[request.size]
     request.progress(0, len(VARIANTS), "the jet's equations")
     seen = scene("jet", 33, "clean", SEED, sizes.flame)
-    (every, pixels), (lit, lit_pixels) = (samples_of(seen, skip) for skip in (False, True))
+    (every, pixels), (lit, lit_pixels) = (problem_of(seen, skip) for skip in (False, True))
+    crossing = np.flatnonzero(every.system.projector.row_sums > 0)
     random = np.random.default_rng(SEED)
-    drawn = random.permutation(len(every))[: sizes.training_steps * RAYS_A_STEP]
+    drawn = random.permutation(crossing)[: sizes.training_steps * RAYS_A_STEP]
     kept = random.permutation(np.flatnonzero(np.isin(lit_pixels, pixels[drawn])))
-    work = {False: (every, _in_steps(drawn)), True: (lit, _in_steps(kept))}
+    work = {False: (every, torch.from_numpy(drawn)), True: (lit, torch.from_numpy(kept))}
     rows: list[dict[str, Any]] = []
     for number, variant in enumerate(VARIANTS):
         request.progress(number, len(VARIANTS), variant)
@@ -62,18 +60,12 @@ def run(request: Request) -> Tables:
     return {"training": rows}
 
 
-def samples_of(seen: Scene, skip: bool) -> tuple[RaySamples, NDArray[np.int64]]:
-    """Return a scene's rays as the network takes them, and of which of all pixels each is."""
+def problem_of(seen: Scene, skip: bool) -> tuple[Problem, NDArray[np.int64]]:
+    """Return a scene's equations, and which of all pixels each of their rows is."""
     ready = problem(seen.scan.rig, seen.scan.grid, seen.images, skip=skip, midpoints=True)
-    projector = ready.system.projector
-    measured = ready.measured / ready.measured.max()
-    samples = RaySamples.from_segments(
-        projector.segments, projector.grid, measured, active=projector.active
-    )
     first = np.cumsum([0, *(image.size for image in seen.images)])
     views = zip(first, ready.system.pixels, strict=False)
-    pixels = np.concatenate([start + pixels for start, pixels in views])
-    return samples, pixels[samples.pixel]
+    return ready, np.concatenate([start + pixels for start, pixels in views])
 
 
 def forms() -> tuple[tuple[str, bool, str], ...]:
@@ -82,63 +74,44 @@ def forms() -> tuple[tuple[str, bool, str], ...]:
 
 
 def _compared(
-    variant: str, work: Mapping[bool, tuple[RaySamples, Steps]], repeats: int
+    variant: str, work: Mapping[bool, tuple[Problem, torch.Tensor]], repeats: int
 ) -> list[dict[str, Any]]:
-    seconds = in_turn(
-        {
-            (layout, skip, device): _trainer(variant, layout, device, *work[skip])
-            for layout, skip, device in forms()
-        },
-        repeats,
-    )
-    timed = {skip: sum(map(len, steps)) for skip, (_, steps) in work.items()}
-    epochs = {
-        form: taken * len(work[form[1]][0]) / timed[form[1]] for form, taken in seconds.items()
+    trainers = {
+        form: (plain_trainer if form[0] == "plain" else _trainer)(variant, form[2], *work[form[1]])
+        for form in forms()
     }
-    return [
-        {
-            "variant": variant,
-            "layout": layout,
-            "skip": skip,
-            "device": device,
-            "rays": len(work[skip][0]),
-            "segments": len(work[skip][0].voxel),
-            "steps": len(work[skip][1]),
-            "timed_rays": timed[skip],
-            "seconds": seconds[layout, skip, device],
-            "epoch_seconds": taken,
-            "times_faster": epochs[FORMS[0]] / taken,
-        }
-        for (layout, skip, device), taken in epochs.items()
-    ]
+    seconds = in_turn(trainers, repeats)
+    rows = []
+    for form, taken in seconds.items():
+        layout, skip, device = form
+        ready, numbers = work[skip]
+        projector = ready.system.projector
+        rays = int(np.count_nonzero(projector.row_sums > 0))
+        rows.append({
+            "variant": variant, "layout": layout, "skip": skip, "device": device, "rays": rays,
+            "segments": projector.n_segments, "timed_rays": len(numbers), "seconds": taken,
+            "epoch_seconds": taken * rays / len(numbers),
+        })  # fmt: skip
+    first = rows[0]["epoch_seconds"]
+    return [row | {"times_faster": first / row["epoch_seconds"]} for row in rows]
 
 
 def _trainer(
-    variant: str, layout: str, device: str, samples: RaySamples, steps: Steps
+    variant: str, device: str, ready: Problem, numbers: torch.Tensor
 ) -> Callable[[], float]:
     """Return what takes the steps, as training does; each call goes on from the one before."""
     place = torch.device(device)
-    samples = samples.to(place)
-    model = _model(variant, samples).to(place)
-    groups = [
-        {"params": [model.voxels], "lr": 0.01},
-        {"params": model.encoder.parameters(), "lr": 0.0005},
-    ]
-    optimiser = adam(groups, place)
-    take = getattr(samples, layout)
+    rays = Rays.of(ready.system.projector, "absolute", device=place)
+    encoder = Encoder("absolute", variant=variant, blocks=3, channels=32, seed=SEED)
+    voxels = torch.rand(1, rays.unknowns, generator=torch.Generator().manual_seed(SEED))
+    model = WERNet(0.1 * voxels, encoder, anchored=False, normalise_gradient=True).to(place)
+    settings = PaperSettings(rays_per_step=RAYS_A_STEP, encoder_learning_rate=0.0005)
+    measured = (ready.measured / ready.measured.max()).astype(np.float64)[None]
+    order = torch.Generator().manual_seed(SEED)
+    training = JointTraining(model.train(), encoder, rays, measured, settings, True, order)
 
     def train() -> float:
-        with chunk_map(place) as map_chunks:
-            return train_epoch(model, samples, take, iter(steps), optimiser, True, map_chunks)
+        with part_map(place) as map_parts:
+            return training.use(numbers, map_parts)
 
     return train
-
-
-def _model(variant: str, samples: RaySamples) -> WERNet:
-    voxels = torch.rand(len(samples.index), generator=torch.Generator().manual_seed(SEED))
-    return WERNet(WeightEncoder(variant, seed=SEED), 0.1 * voxels).to(samples.midpoint.dtype)
-
-
-def _in_steps(rays: NDArray[np.int64]) -> Steps:
-    """Deal out rays in steps of about the paper's size, all alike."""
-    return torch.from_numpy(rays).tensor_split(max(round(len(rays) / RAYS_A_STEP), 1))
