@@ -80,13 +80,13 @@ def make_optic(name="", turned=False):
 
     Pixels have an area, and the voxels of the images are finer than those of the equations.
     """
-    from tomo.wernet.default import RayFeatures
+    from tomo.wernet import RayFeatures
 
     grid = VoxelGrid((14, 20, 14), 0.8, (4.0, -2.0, 1.0))
     one = make_scene(finer=2, grid=grid, image_size=(26, 38), turned=turned)
     measured = one.measured
     if name:
-        of_ray = RayFeatures.of(one.projector).of_ray.numpy()
+        of_ray = RayFeatures.of(one.projector, "optics").of_ray.numpy()
         measured = measured * OPTICS[name](of_ray[:, 3], of_ray[:, 0])
     noise = np.random.default_rng(3).normal(0, 0.003 * measured.max(), len(measured))
     return SimpleNamespace(
@@ -95,6 +95,34 @@ def make_optic(name="", turned=False):
         projector=one.system.with_linear_basis().projector,
         measured=(measured + noise).astype(np.float32),
     )
+
+
+def make_random_rays(counts, inputs="relative", unknowns=7, seed=0):
+    """Return rays of random segments, so many each, in two views."""
+    import torch
+
+    from tomo.wernet import INPUTS, RayFeatures, Rays
+
+    generator, count = torch.Generator().manual_seed(seed), torch.tensor(counts).long()
+    total, numbers = int(count.sum()), INPUTS[inputs]
+    return Rays(
+        start=count.cumsum(0) - count,
+        count=count,
+        voxel=torch.randint(unknowns, (total,), generator=generator, dtype=torch.int32),
+        length=0.1 + torch.rand(total, generator=generator),
+        view=torch.arange(len(count)) % 2,
+        features=RayFeatures(
+            torch.zeros(len(count), 0), torch.randn(total, numbers, generator=generator)
+        ),
+        unknowns=unknowns,
+        squared_radius=torch.rand(len(count), generator=generator),
+    )
+
+
+@pytest.fixture(scope="session")
+def random_rays():
+    """Return the function that makes rays of random segments."""
+    return make_random_rays
 
 
 @pytest.fixture(scope="session")

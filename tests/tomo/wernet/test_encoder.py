@@ -1,143 +1,145 @@
+"""The encoder: each ray's own numbers, whatever it is packed with."""
+
 import pytest
 import torch
 from torch import nn
 
-from tomo.wernet import Packing
-from tomo.wernet.paper import VARIANTS, WeightEncoder
+from tomo.wernet import OPTICS, VARIANTS, Encoder
+from tomo.wernet.encoder import ROWS, MaskedBatchNorm
 
 
-def _rays(counts=(9, 4, 1), width=9, seed=0):
-    """Return random features and the mask of rays with ``counts`` segments."""
-    mask = (torch.arange(width) < torch.tensor(counts)[:, None]).float()[:, None, :]
-    features = torch.randn(len(counts), 6, 9, generator=torch.Generator().manual_seed(seed))
-    return nn.functional.pad(features, (0, width - 9)) * mask, mask
+def give(encoder, batch):
+    """Return what an encoder gives for every segment of a batch."""
+    return encoder(batch.features, batch.mask)[batch.row]
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
-@pytest.mark.parametrize("training", [True, False])
-def test_padding_columns_change_nothing(variant, training):
-    encoder = WeightEncoder(variant, seed=1).train(training)
-    short = encoder(*_rays(width=9))
-    long = encoder(*_rays(width=25))
-    assert short.abs().max() > 1e-4  # there is something to compare
-    torch.testing.assert_close(long[:, :9], short, rtol=1e-4, atol=1e-7)
-    assert not long[:, 9:].any()
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_padding_columns_leave_the_gradients_alone(variant):
-    gradients = []
-    for width in (9, 25):
-        encoder = WeightEncoder(variant, seed=1)
-        encoder(*_rays(width=width)).sum().backward()
-        gradients.append([p.grad for p in encoder.parameters()])
-    for narrow, wide in zip(*gradients, strict=True):
-        torch.testing.assert_close(wide, narrow, rtol=1e-3, atol=1e-5)
-
-
-@pytest.mark.parametrize("variant", ["no-bias", "bias-mask"])
-def test_a_rays_weights_do_not_depend_on_the_other_rays(variant):
-    encoder = WeightEncoder(variant)
-    features, mask = _rays()
-    together = encoder(features, mask)
-    alone = encoder(features[1:2, :, :4], mask[1:2, :, :4])
-    torch.testing.assert_close(together[1:2, :4], alone, rtol=1e-4, atol=1e-7)
-
-
-@pytest.mark.parametrize("variant", VARIANTS)
-def test_weights_are_at_least_zero_and_zero_in_the_padding(variant):
-    features, mask = _rays(counts=(9, 4, 1) * 20)
-    weights = WeightEncoder(variant)(features, mask)
-    assert weights.shape == (60, 9)
-    assert (weights >= 0).all()
-    assert not weights[mask[:, 0] == 0].any()
-
-
-def test_without_bias_zero_in_is_zero_out():
-    features, mask = _rays()
-    assert not WeightEncoder("no-bias")(features * 0, mask).any()
-
-
-def test_batch_normalisation_agrees_with_pytorchs_on_the_entries_without_padding():
-    encoder = WeightEncoder("batch-norm", blocks=1, channels=6)
-    norm, twin = encoder.norms[0], nn.BatchNorm1d(6)
-    features, mask = _rays(counts=(9, 4, 1))
-    packed = features.transpose(1, 2)[mask[:, 0] > 0]  # (14, 6)
-    found = norm(features, mask).transpose(1, 2)[mask[:, 0] > 0]
-    torch.testing.assert_close(found, twin(packed), rtol=1e-4, atol=1e-5)
-    torch.testing.assert_close(norm.running_mean, twin.running_mean)
-    torch.testing.assert_close(norm.running_var, twin.running_var)
-    norm.eval(), twin.eval()
-    found = norm(features, mask).transpose(1, 2)[mask[:, 0] > 0]
-    torch.testing.assert_close(found, twin(packed), rtol=1e-4, atol=1e-5)
-
-
-def _far(found, expected):
-    """Return the largest difference, relative to the largest entry."""
-    return float((found - expected).abs().max() / expected.abs().max())
+@pytest.fixture
+def rays(random_rays):
+    return random_rays([9, 4, 1, 0, 30])
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 @pytest.mark.parametrize("training", [True, False])
-def test_packed_rays_give_the_padded_ones_weights_and_gradients(variant, training):
-    counts = torch.randint(1, 25, (60,), generator=torch.Generator().manual_seed(3))
-    mask = (torch.arange(25) < counts[:, None]).float()[:, None, :]
-    inside = mask[:, 0] > 0
-    generator = torch.Generator().manual_seed(0)
-    features = torch.randn(60, 6, 25, generator=generator) * mask
-    upstream = torch.randn(int(counts.sum()), generator=generator)
-    packing = Packing.of(torch.cumsum(counts, 0) - counts, counts)
-    rows = packing.to_rows(features.transpose(1, 2)[inside])
+@pytest.mark.parametrize("rows", [ROWS - 100, ROWS - 1, ROWS, ROWS + 1])
+def test_empty_rows_give_zero_and_change_nothing(rays, variant, training, rows):
+    batch = rays.take(torch.arange(5))
+    more = (0, 0, 0, rows - len(batch.mask))
+    features, mask = (nn.functional.pad(one, more) for one in (batch.features, batch.mask))
+    results = []
+    for given in ((batch.features, batch.mask), (features, mask)):
+        encoder = Encoder("relative", variant=variant, seed=1).train(training)
+        found = encoder(*given)
+        assert found.shape == (len(given[1]),)
+        assert not found[given[1][:, 0] == 0].any()
+        found[batch.row].sum().backward()
+        results.append([found[batch.row].detach(), *(p.grad for p in encoder.parameters())])
+        results[-1] += list(encoder.buffers())
+    assert results[0][0].abs().max() > 1e-3  # there is something to compare
+    for short, long in zip(*results, strict=True):
+        torch.testing.assert_close(long, short, rtol=1e-4, atol=1e-6)
 
-    def results(packed):
-        encoder = WeightEncoder(variant, seed=1)
-        if variant == "batch-norm":  # statistics unlike those of a new encoder
-            encoder(3 * features + 1, mask)
-        encoder.train(training)
-        if packed:
-            weights = encoder(rows, packing.mask)
-            assert not weights[packing.mask[:, 0] == 0].any()
-            weights = weights[packing.row]
-        else:
-            weights = encoder(features, mask)[inside]
-        weights.backward(upstream)
-        buffers = [value for value in encoder.buffers()]
-        return [weights.detach(), *(p.grad for p in encoder.parameters()), *buffers]
 
-    for found, expected in zip(results(packed=True), results(packed=False), strict=True):
-        assert _far(found, expected) < 1e-5
+@pytest.mark.parametrize("variant", VARIANTS)
+@pytest.mark.parametrize("training", [True, False])
+def test_a_ray_s_numbers_depend_on_that_ray_alone_but_for_batch_statistics(
+    random_rays, variant, training
+):
+    rays = random_rays([9, 4, 1] + [7] * 200)
+    encoder = Encoder("relative", variant=variant, seed=1).train(training)
+    assert encoder.couples_rays == (variant == "batch-norm" and training)
+    together = give(encoder, rays.take(torch.arange(203)))[9:13]
+    alone = give(encoder, rays.take(torch.tensor([1])))
+    apart = (together - alone).abs().max() / together.abs().max()
+    assert (apart > 1e-2) == encoder.couples_rays
+    assert (apart < 1e-5) != encoder.couples_rays
+
+
+def test_without_bias_zero_in_is_zero_out(rays):
+    batch = rays.take(torch.arange(5))
+    assert not Encoder("relative", variant="no-bias")(0 * batch.features, batch.mask).any()
+
+
+@pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
+def test_batch_normalisation_is_pytorchs_of_the_rows_of_segments(rays, dtype):
+    batch = rays.take(torch.arange(5))
+    x, mask = 3 * batch.features.to(dtype) + 1, batch.mask.to(dtype)
+    norm, twin = MaskedBatchNorm(6).to(dtype), nn.BatchNorm1d(6, dtype=dtype)
+    for training in (True, True, False):
+        norm.train(training), twin.train(training)
+        torch.testing.assert_close(norm(x, mask)[batch.row], twin(x[batch.row]))
+        torch.testing.assert_close(norm.running_mean, twin.running_mean)
+        torch.testing.assert_close(norm.running_var, twin.running_var)
 
 
 @pytest.mark.parametrize(("blocks", "reach"), [(1, 2), (3, 4)])
-def test_a_weight_sees_one_neighbour_more_with_every_layer(blocks, reach):
-    encoder = WeightEncoder("bias-mask", blocks=blocks)
-    features = torch.randn(1, 6, 21, generator=torch.Generator().manual_seed(0))
-    features.requires_grad_()
-    encoder(features, torch.ones(1, 1, 21))[0, 10].backward()
-    seen = features.grad[0].abs().sum(dim=0).nonzero().ravel()
+def test_a_number_sees_one_neighbour_more_with_every_layer(random_rays, blocks, reach):
+    batch = random_rays([21]).take(torch.arange(1))
+    features = batch.features.requires_grad_()
+    give(Encoder("relative", blocks=blocks), batch)[10].backward()
+    seen = features.grad[batch.row].abs().sum(dim=1).nonzero()[:, 0]
     assert seen.tolist() == list(range(10 - reach, 10 + reach + 1))
+
+
+@pytest.mark.parametrize("settings", [{}, {"blocks": 1, "channels": 3}, {"blocks": 4}])
+def test_a_silent_encoder_gives_zero_and_can_learn(random_rays, settings):
+    batch = random_rays([9, 4, 1], "optics").take(torch.arange(3))
+    encoder = Encoder(silent=True, **settings)
+    optimiser = torch.optim.SGD(encoder.parameters(), lr=0.1)
+    assert not give(encoder, batch).any()
+    for _ in range(2):  # the last layer learns at once, the others as soon as it is not zero
+        optimiser.zero_grad()
+        (give(encoder, batch) - 1).square().sum().backward()
+        optimiser.step()
+    assert all(p.grad.abs().max() > 0 for p in encoder.parameters())
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_the_last_bias_is_what_is_asked_for(variant):
+    bias = Encoder("relative", variant=variant, last_bias=0.5).last.bias
+    assert bias is None if variant == "no-bias" else bias.tolist() == [0.5]
+
+
+def test_only_what_is_shown_is_seen_and_learned_from(random_rays):
+    names = ("upstream emission", "depth in the grid")
+    encoder = Encoder(shown=names, seed=1)
+    assert encoder.settings["shown"] == names
+    batch = random_rays([9, 4, 1], "optics").take(torch.arange(3))
+    features = batch.features.requires_grad_()
+    give(encoder, batch).square().sum().backward()
+    shown = [name in names for name in OPTICS]
+    assert features.grad.any(dim=0).tolist() == shown
+    weight = encoder.hidden[0].weight
+    assert weight.grad.any(dim=-1).any(dim=0)[:, 0].tolist() == shown
 
 
 def test_the_seed_alone_decides_the_initial_weights():
     state = torch.get_rng_state()
-    first = WeightEncoder(seed=5).state_dict()
-    torch.manual_seed(99)
-    second, other = WeightEncoder(seed=5).state_dict(), WeightEncoder(seed=6).state_dict()
-    torch.set_rng_state(state)
-    WeightEncoder(seed=5)
+    first = Encoder(seed=5).state_dict()
     assert torch.equal(torch.get_rng_state(), state)
+    second, other = Encoder(seed=5).state_dict(), Encoder(seed=6).state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
-    assert not torch.equal(first["last.weight"], other["last.weight"])
+    assert not any(torch.equal(first[name], other[name]) for name in first)
+
+
+@pytest.mark.parametrize("shown", [None, ("depth in the grid",)])
+def test_settings_build_the_same_shape(shown):
+    encoder = Encoder(variant="batch-norm", blocks=3, channels=5, shown=shown)
+    again = Encoder(**encoder.settings)
+    again.load_state_dict(encoder.state_dict())
+    assert again.settings == encoder.settings
 
 
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        ({"inputs": "polar"}, "inputs: found 'polar', expected one of absolute, relative, optics"),
         ({"variant": "layer-norm"}, "variant: found 'layer-norm', expected one of no-bias"),
-        ({"blocks": 0}, "blocks: found 0"),
+        ({"blocks": 0}, "blocks: found 0, expected a whole number >= 1"),
         ({"channels": 1.5}, "channels: found 1.5"),
+        ({"shown": ("colour",)}, "shown: found .'colour'., expected features of 'optics'"),
+        ({"inputs": "relative", "shown": OPTICS[:1]}, "shown: found"),
     ],
 )
 def test_bad_arguments_are_named(arguments, message):
     with pytest.raises(ValueError, match=message):
-        WeightEncoder(**arguments)
+        Encoder(**arguments)

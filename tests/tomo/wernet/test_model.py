@@ -1,129 +1,311 @@
+"""The image of a volume as one module: every factor's formula, gradients, and loops of one's own."""
+
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 import torch
+from torch.func import functional_call, grad
+from torch.nn import functional
 
-from tomo.wernet import Packing
-from tomo.wernet.paper import packed_sum, weighted_sum
-
-
-def _case(dtype=torch.float64):
-    generator = torch.Generator().manual_seed(1)
-    weights = torch.rand(4, 5, generator=generator, dtype=dtype)
-    weights[1, 3:] = 0  # a shorter ray, padded
-    voxels = torch.rand(7, generator=generator, dtype=dtype)
-    index = torch.randint(0, 7, (4, 5), generator=generator)
-    return weights.requires_grad_(), voxels.requires_grad_(), index
+from rigs.scene.gas import ExtinctionVolume
+from tomo.model import Absorber, FallOff
+from tomo.operators import Absorption
+from tomo.wernet import VARIANTS, Encoder, Rays, WERNet
 
 
-def _packed_case():
-    """Return `_case` with the padding left out, and its packing."""
-    weights, voxels, index = _case()
-    inside = weights.detach() != 0
-    assert inside.sum(dim=1).tolist() == [5, 3, 5, 5]
-    count = inside.sum(dim=1)
-    packing = Packing.of(torch.cumsum(count, 0) - count, count)
-    return weights.detach()[inside].requires_grad_(), voxels, index[inside], packing, inside
+def squared_radius(size):
+    """Return the squared distance of each pixel from the image's middle, one in its corners."""
+    x, y = (np.arange(n) + 0.5 - n / 2 for n in size)
+    return (x**2 + y[:, None] ** 2) / (np.square(size).sum() / 4)
 
 
-@pytest.mark.parametrize("normalise_gradient", [True, False])
-def test_packed_and_padded_sums_and_gradients_are_the_same(normalise_gradient):
-    weights, voxels, index = _case()
+@pytest.fixture(scope="module")
+def tiny(scene):
+    """Return a scene of four views, its rays and all of them packed."""
+    one = scene(views=4, image_size=(7, 10))
+    radius = squared_radius((7, 10))
+    rays = Rays.of(one.projector, squared_radius=one.system.flatten([radius] * 4))
+    return SimpleNamespace(
+        scene=one, rays=rays, batch=rays.take(torch.arange(len(rays))), radius=radius,
+        views=rays.view.numpy(), measured=torch.from_numpy(one.measured),
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def volume(tiny):
+    """Return random voxels of the tiny scene, (unknowns,) float64."""
+    return np.random.default_rng(1).random(tiny.rays.unknowns)
+
+
+def pixels(batch, *given, **effects):
+    """Return the pixels of a model in double precision."""
+    with torch.no_grad():
+        return WERNet(*given, **effects).double()(batch).numpy()
+
+
+def everything(unknowns, variant="bias-mask", nodes=None, **options):
+    """Return a model in double precision whose every factor is there and not trivial."""
+    encoder = Encoder("relative", variant=variant, blocks=2, channels=3, last_bias=0.3, seed=2)
+    one = np.ones(2)
+    return WERNet(
+        np.random.default_rng(3).uniform(0.5, 1, unknowns), encoder, gain=0.1 * one,
+        fall_off=0.2 * one, background=0.3 * one,
+        absorber=0.1 * np.ones(nodes or np.prod(unknowns)), **options,
+    ).double()  # fmt: skip
+
+
+def gradients(model, batch, loss=lambda found: found.square().sum()):
+    """Return the gradient of a loss by each parameter."""
+    names, parameters = zip(*model.named_parameters(), strict=True)
+    found = torch.autograd.grad(loss(model(batch)), parameters)
+    return dict(zip(names, found, strict=True))
+
+
+def test_without_encoder_and_effects_pixels_are_the_operator_s(tiny, volume):
+    expected = tiny.scene.projector @ volume
+    np.testing.assert_allclose(pixels(tiny.batch, volume), expected, rtol=1e-12, atol=1e-12)
+    some = torch.tensor([200, 3, 77])
+    found = pixels(tiny.rays.take(some), volume)
+    np.testing.assert_allclose(found, expected[some], rtol=1e-12, atol=1e-12)
+
+
+def test_gain_fall_off_and_background_are_those_of_tomo_s_model(tiny, volume):
+    gain, loss, offset = [0.1, -0.2, 0, 0.3], np.array([0.2, 0.1, 0.3, 0]), [0.5, 0, -1, 2]
+    shown = pixels(tiny.batch, volume, gain=gain, fall_off=loss, background=offset)
+    bare = (shown - np.take(offset, tiny.views)) / np.exp(gain)[tiny.views]
+    images = [image.reshape(10, 7) for image in np.split(bare.astype(np.float32), 4)]
+    seen = observation_of(tiny, images)
+    corrected = FallOff().applied(seen, loss[:, None]).images
+    expected = tiny.scene.projector @ volume
+    np.testing.assert_allclose(np.ravel(corrected), expected, rtol=1e-5, atol=1e-5)
+    assert np.abs(np.ravel(images) - expected).max() > 0.1
+
+
+def observation_of(tiny, images):
+    """Return these images as `tomo.model` sees them."""
+    from tomo.model import Observation
+
+    return Observation(tiny.scene.rig, tuple(images), tiny.scene.grid)
+
+
+@pytest.mark.parametrize("coarse", [True, False])
+def test_gas_absorbs_as_in_the_operator_of_a_known_extinction(tiny, volume, coarse):
+    one, means, k = tiny.scene, None, np.random.default_rng(5).uniform(0, 0.2, tiny.rays.unknowns)
+    extinction = k
+    if coarse:
+        absorber = Absorber(one.grid)
+        means = absorber.means_in(one.grid)
+        k = np.random.default_rng(5).uniform(0, 0.2, absorber.size)
+        extinction = means @ k
+    gas = ExtinctionVolume(extinction.reshape(one.grid.shape), one.grid.lower, one.grid.spacing)
+    dimmed = one.system.with_absorption(Absorption(extinction=gas)).projector
+    found = pixels(tiny.batch, volume, absorber=k, absorber_means=means)
+    np.testing.assert_allclose(found, dimmed @ volume, rtol=2e-6)
+    assert np.abs(found / (one.projector @ volume) - 1).max() > 0.3
+
+
+@pytest.mark.parametrize("anchored", [True, False])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_gradients_of_every_parameter_together_are_those_of_finite_differences(
+    random_rays, variant, anchored
+):
+    rays = random_rays([5, 3, 1, 4])
+    model, batch = everything(7, variant, anchored=anchored), rays.take(torch.arange(4))
+    names, parameters = zip(*model.named_parameters(), strict=True)
+    layers = 6 + 4 * (variant == "batch-norm") - 3 * (variant == "no-bias")
+    layers -= 2 * (variant == "batch-norm")  # hidden convolutions then have no bias
+    assert len(names) == 5 + layers
+
+    def image(*values):
+        return functional_call(model, dict(zip(names, values, strict=True)), (batch,))
+
+    assert torch.autograd.gradcheck(image, parameters, atol=1e-6, rtol=1e-5)
+    assert all(gradient.any() for gradient in gradients(model, batch).values())
+
+
+def test_a_normalised_gradient_is_the_true_one_over_the_norm_of_the_ray_s_weights(random_rays):
+    batch = random_rays([5, 3, 4, 2]).take(torch.arange(4))
     upstream = torch.tensor([1.0, -2.0, 0.5, 3.0], dtype=torch.float64)
-    padded = weighted_sum(weights, voxels, index, normalise_gradient)
-    expected = torch.autograd.grad(padded, (weights, voxels), upstream)
-    some, voxels, index, packing, inside = _packed_case()
-    packed = packed_sum(some, voxels, index, packing, normalise_gradient)
-    found = torch.autograd.grad(packed, (some, voxels), upstream)
-    torch.testing.assert_close(packed, padded, rtol=1e-12, atol=0)
-    torch.testing.assert_close(found[0], expected[0][inside], rtol=1e-12, atol=0)
-    torch.testing.assert_close(found[1], expected[1], rtol=1e-12, atol=1e-15)
-
-
-def test_the_plain_packed_form_is_the_true_gradient():
-    weights, voxels, index, packing, _ = _packed_case()
-    assert torch.autograd.gradcheck(
-        lambda w, x: packed_sum(w, x, index, packing, normalise_gradient=False),
-        (weights, voxels),
-        atol=1e-6,
-        rtol=1e-6,
+    plain, normalised = (
+        everything(7, anchored=False, normalise_gradient=on) for on in (False, True)
     )
-
-
-def test_the_normalised_packed_form_is_the_plain_one_over_each_ray_s_norm():
-    weights, voxels, index, packing, _ = _packed_case()
-    norm = packing.sum(weights.detach().square()).sqrt()
-    upstream = torch.tensor([1.0, -2.0, 0.5, 3.0], dtype=torch.float64)
-    inputs = weights, voxels
-    normalised = torch.autograd.grad(packed_sum(*inputs, index, packing), inputs, upstream)
-    plain = packed_sum(*inputs, index, packing, normalise_gradient=False)
-    divided = torch.autograd.grad(plain, inputs, upstream / norm, retain_graph=True)
-    undivided = torch.autograd.grad(plain, inputs, upstream)
-    torch.testing.assert_close(normalised[1], divided[1], rtol=1e-12, atol=1e-15)
-    torch.testing.assert_close(normalised[0], undivided[0], rtol=1e-12, atol=0)
-    assert (normalised[1] - undivided[1]).abs().max() > 0.1
-
-
-def test_a_packed_ray_without_any_weight_sends_back_zero():
-    packing = Packing.of(torch.tensor([0, 2]), torch.tensor([2, 3]))
-    weights = torch.tensor([0.0, 0.0, 1.0, 0.0, 2.0], requires_grad=True)
-    voxels = torch.ones(5, requires_grad=True)
-    packed_sum(weights, voxels, torch.arange(5), packing).sum().backward()
-    assert voxels.grad[:2].tolist() == [0, 0]
-    assert voxels.grad[2:].norm().item() == pytest.approx(1)
-
-
-@pytest.mark.parametrize("normalise_gradient", [True, False])
-def test_forward_is_the_weighted_sum(normalise_gradient):
-    weights, voxels, index = _case()
-    found = weighted_sum(weights, voxels, index, normalise_gradient)
-    for ray in range(4):
-        expected = sum(weights[ray, j] * voxels[index[ray, j]] for j in range(5))
-        torch.testing.assert_close(found[ray], expected)
-
-
-def test_the_plain_form_is_the_true_gradient():
-    weights, voxels, index = _case()
-    assert torch.autograd.gradcheck(
-        lambda w, x: weighted_sum(w, x, index, normalise_gradient=False), (weights, voxels)
+    torch.testing.assert_close(normalised(batch), plain(batch), rtol=1e-14, atol=0)
+    found, true = (
+        gradients(model, batch, lambda image: image @ upstream) for model in (normalised, plain)
     )
+    for name in true.keys() - {"voxels"}:
+        torch.testing.assert_close(found[name], true[name], rtol=1e-12, atol=0)
+    # pixels are linear in voxels: what a ray sends to them are its weights, times the gain
+    weights = torch.func.jacrev(
+        lambda x: functional_call(
+            plain, {"voxels": x, "gain": torch.zeros(2), "fall_off": torch.zeros(2)}, (batch,)
+        )
+    )(plain.voxels.detach())  # (rays, voxels)
+    assert weights.shape == (4, 7)
+    per_entry = [part for part in batch.split([1] * 4)]
+    expected = torch.zeros(7, dtype=torch.float64)
+    effects = plain.gain.exp() * 1.0
+    for ray, part in enumerate(per_entry):
+        encoded = plain.encode(part).detach().square()
+        way = part.length.double() * 0.1
+        own = encoded * torch.exp(-(way.cumsum(0) - way / 2))
+        factor = effects[ray % 2] * (1 - 0.2 * part.squared_radius.double())
+        expected.index_add_(0, part.voxel, (upstream[ray] * factor * own / own.norm()).detach())
+    torch.testing.assert_close(found["voxels"], expected, rtol=1e-12, atol=1e-14)
 
 
-def test_the_normalised_form_divides_the_voxels_gradient_by_the_norm_of_the_rays_weights():
-    weights, voxels, index = _case()
-    upstream = torch.tensor([1.0, -2.0, 0.5, 3.0], dtype=torch.float64)
-    weighted_sum(weights, voxels, index).backward(upstream)
-    to_voxels = torch.zeros(7, dtype=torch.float64)
-    for ray in range(4):
-        norm = weights[ray].detach().square().sum().sqrt()
-        for j in range(5):
-            to_voxels[index[ray, j]] += upstream[ray] * weights[ray, j].detach() / norm
-    torch.testing.assert_close(voxels.grad, to_voxels)
-    torch.testing.assert_close(weights.grad, upstream[:, None] * voxels.detach()[index])
-
-
-def test_larger_weights_do_not_enlarge_the_normalised_step():
+def test_larger_weights_do_not_enlarge_the_normalised_step_and_none_send_nothing(random_rays):
+    batch = random_rays([5, 3, 0, 2]).take(torch.arange(4))
     steps = []
-    for factor in (1.0, 1000.0):
-        weights, voxels, index = _case()
-        weighted_sum(weights * factor, voxels, index).sum().backward()
-        steps.append(voxels.grad)
+    for bias in (1.0, 1000.0, 0.0):
+        encoder = Encoder("relative", silent=True, last_bias=bias)
+        model = WERNet(torch.ones(7), encoder, anchored=False, normalise_gradient=True)
+        steps.append(gradients(model, batch, torch.sum)["voxels"])
     torch.testing.assert_close(steps[0], steps[1])
+    assert torch.equal(steps[2], torch.zeros(7))
 
 
-def test_a_ray_without_any_weight_sends_back_zero():
-    voxels = torch.ones(3, requires_grad=True)
-    weighted_sum(torch.zeros(2, 4), voxels, torch.zeros(2, 4, dtype=torch.int64)).sum().backward()
-    assert torch.equal(voxels.grad, torch.zeros(3))
+def padded(model, rays, measured):
+    """Return the pixels by PyTorch's convolutions of rays padded to the longest, masked."""
+    count = rays.count.tolist()
+    batches = [rays.take(torch.tensor([ray])) for ray in range(len(rays))]
+    x = torch.zeros(len(rays), 6, max(count), dtype=torch.float64)
+    inside = torch.zeros(len(rays), max(count), dtype=torch.bool)
+    for ray, one in enumerate(batches):
+        x[ray, :, : count[ray]] = one.features[one.row].T
+        inside[ray, : count[ray]] = True
+    encoder = model.encoder
+    for number, layer in enumerate(encoder.hidden):
+        x = functional.conv1d(x, layer.weight[:, :, 0], layer.bias, padding=1)
+        if encoder.variant == "batch-norm":
+            norm = encoder.norms[number]
+            rows = functional.batch_norm(
+                x.transpose(1, 2)[inside], None, None, norm.weight, norm.bias, training=True
+            )
+            x = torch.zeros_like(x.transpose(1, 2)).masked_scatter(inside[..., None], rows)
+            x = x.transpose(1, 2)
+        x = functional.leaky_relu(x, 0.01) * inside[:, None]
+    x = functional.conv1d(x, encoder.last.weight[:, :, 0], encoder.last.bias, padding=1)[:, 0]
+    image = [
+        (x[ray, : count[ray]].square() * model.voxels[one.voxel]).sum()
+        for ray, one in enumerate(batches)
+    ]
+    return torch.stack(image)
 
 
-def test_gradients_are_the_same_bits_every_time():
-    # Large enough for several threads, with many entries a voxel: atomics would show in about
-    # one run of four (with one thread, nothing would).
-    generator = torch.Generator().manual_seed(0)
-    weights = torch.rand(3200, 70, generator=generator)
-    index = torch.randint(0, 50, (3200, 70), generator=generator)
-    gradients = []
-    for _ in range(40):
-        voxels = torch.ones(50, requires_grad=True)
-        weighted_sum(weights, voxels, index).sum().backward()
-        gradients.append(voxels.grad)
-    assert all(torch.equal(gradients[0], other) for other in gradients[1:])
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_packed_rays_are_the_paper_s_padded_ones(random_rays, variant):
+    counts = torch.randint(1, 25, (60,), generator=torch.Generator().manual_seed(3)).tolist()
+    rays, results = random_rays(counts, unknowns=50), []
+    for form in ("packed", "padded"):
+        encoder = Encoder("relative", variant=variant, blocks=3, seed=1)
+        model = WERNet(np.linspace(0, 1, 50), encoder, anchored=False).double()
+        image = model(rays.take(torch.arange(60))) if form == "packed" else padded(model, rays, 0)
+        found = torch.autograd.grad(image.square().sum(), list(model.parameters()))
+        results.append([image.detach(), *found])
+    for packed, expected in zip(*results, strict=True):
+        torch.testing.assert_close(packed, expected, rtol=1e-9, atol=1e-12)
+
+
+def test_frames_share_the_encoder_and_have_voxels_of_their_own(random_rays):
+    rays = random_rays([5, 3, 4])
+    both = everything((2, 7), nodes=7)
+    together = both(rays.take(torch.tensor([2, 4, 0, 3])))
+    for frame, place, numbers in ((0, [0, 2], [2, 0]), (1, [1, 3], [1, 0])):
+        alone = everything(7)
+        alone.voxels.data = both.voxels[frame].detach()
+        found = alone(rays.take(torch.tensor(numbers)))
+        torch.testing.assert_close(together[place], found, rtol=1e-12, atol=0)
+
+
+def test_precisions(tiny):
+    encoder = Encoder("relative", seed=1)
+    start = np.random.default_rng(1).random(tiny.rays.unknowns, np.float32)
+    model = WERNet(start, encoder, gain=np.zeros(4, np.float32))
+    expected = model(tiny.batch).detach()
+    assert expected.dtype == torch.float32
+    with torch.autocast("cpu", dtype=torch.bfloat16):
+        coarse = model(tiny.batch)
+        gradient = torch.autograd.grad(coarse.sum(), list(model.parameters()))
+    assert all(one.isfinite().all() for one in gradient)
+    torch.testing.assert_close(coarse.float(), expected, rtol=0.02, atol=0.05)
+    fine = model.double()(tiny.batch)
+    assert {one.dtype for one in model.parameters()} == {fine.dtype} == {torch.float64}
+    torch.testing.assert_close(fine.float(), expected, rtol=1e-5, atol=1e-5)
+
+
+def test_functional_gradients_are_those_of_backward(random_rays):
+    model, batch = everything(7), random_rays([5, 3, 1, 4]).take(torch.arange(4))
+
+    def loss(parameters):
+        return functional_call(model, parameters, (batch,)).square().sum()
+
+    found, expected = grad(loss)(dict(model.named_parameters())), gradients(model, batch)
+    assert found.keys() == expected.keys()
+    for name in found:
+        torch.testing.assert_close(found[name], expected[name], rtol=1e-12, atol=0)
+
+
+@pytest.mark.parametrize("name", ["LBFGS", "AdamW"])
+def test_loops_of_one_s_own_reach_a_small_residual(tiny, name):
+    encoder = Encoder("relative", silent=True)
+    model = WERNet(torch.zeros(tiny.rays.unknowns), encoder, background=np.zeros(4, np.float32))
+    power = tiny.measured.square().sum()
+    if name == "LBFGS":
+        optimiser, steps = torch.optim.LBFGS(model.parameters(), line_search_fn="strong_wolfe"), 3
+    else:
+        optimiser, steps = torch.optim.AdamW(model.parameters(), lr=0.02), 150
+
+    def loss():
+        optimiser.zero_grad()
+        misfit = (model(tiny.batch) - tiny.measured).square().sum() / power
+        misfit.backward()
+        return misfit
+
+    for _ in range(steps):
+        optimiser.step(loss)
+    assert float(loss()) ** 0.5 < 0.02
+
+
+def test_a_frozen_encoder_stays_in_evaluation(tiny):
+    encoder = Encoder("relative", variant="batch-norm").requires_grad_(False)
+    model = WERNet(torch.ones(tiny.rays.unknowns), encoder)
+    model.train()(tiny.batch)
+    assert model.training
+    assert not encoder.running if hasattr(encoder, "running") else not encoder.training
+    assert not encoder.norms[0].running_mean.any()
+    encoder.requires_grad_(True)
+    model.train()(tiny.batch)
+    assert encoder.norms[0].running_mean.any()
+
+
+def test_a_state_is_taken_over_by_another_model(random_rays):
+    batch = random_rays([5, 3]).take(torch.arange(2))
+    model, other = everything(7, "batch-norm"), everything(7, "batch-norm")
+    model(batch)  # moves the running statistics, which belong to the state
+    with torch.no_grad():
+        for one in model.parameters():
+            one.mul_(1.1)
+    names = {name.partition(".")[0] for name in model.state_dict()}
+    assert names == {"voxels", "encoder", "gain", "fall_off", "background", "absorber"}
+    other.load_state_dict(model.state_dict())
+    assert torch.equal(other.eval()(batch), model.eval()(batch))
+
+
+def test_first_values_are_copied_and_numbers_become_floating():
+    start = torch.ones(3)
+    model = WERNet(start, gain=[1, 2])
+    model.voxels.data.zero_()
+    assert start.tolist() == [1, 1, 1]
+    assert model.gain.dtype == torch.float32
+    assert "tensor" not in repr(model)
+
+
+def test_what_is_missing_is_named(random_rays):
+    with pytest.raises(ValueError, match="encoder: found none, expected one"):
+        WERNet(torch.ones(7), anchored=False)
+    rays = random_rays([3])
+    object.__setattr__(rays, "squared_radius", None)
+    with pytest.raises(ValueError, match=r"squared_radius: found none, expected it in Rays\.of"):
+        WERNet(torch.ones(7), fall_off=np.zeros(2))(rays.take(torch.arange(1)))
