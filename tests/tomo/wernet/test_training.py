@@ -1,9 +1,13 @@
+"""Steps in parts that suit the device, and epochs of voxels and encoder."""
+
 import threading
 
+import numpy as np
 import pytest
 import torch
 
-from tomo.wernet.micro_batches import chunk_map, micro_batches, set_summed_gradients
+from tomo.wernet import Encoder, PaperSettings, WERNet, training, usable_device
+from tomo.wernet.training import JointTraining, part_map, parts_of, step
 
 CPU = torch.device("cpu")
 
@@ -14,31 +18,34 @@ CPU = torch.device("cpu")
     ids=["even", "one", "long ones", "empty ones", "growing", "none", "one empty"],
 )
 @pytest.mark.parametrize("segments", [1, 7, 1000])
-def test_every_ray_is_in_one_micro_batch(counts, segments):
-    parts = micro_batches(torch.tensor(counts, dtype=torch.int64), segments)
-    rays = torch.arange(len(counts))
-    assert [ray for part in parts for ray in rays[part].tolist()] == rays.tolist()
-    assert all(part.stop > part.start for part in parts)
+def test_every_ray_is_in_one_part(random_rays, monkeypatch, counts, segments):
+    monkeypatch.setattr(training, "CPU_SEGMENTS", segments)
+    batch = random_rays(counts).take(torch.arange(len(counts)))
+    parts = list(parts_of(batch))
+    assert [ray for part in parts for ray in part.number.tolist()] == batch.number.tolist()
+    assert all(len(part) for part in parts)
 
 
-def test_micro_batches_have_about_the_size_asked_for():
-    counts = torch.randint(1, 30, (5000,), generator=torch.Generator().manual_seed(0))
-    sizes = torch.tensor([int(counts[part].sum()) for part in micro_batches(counts, 1000)])
-    assert int(sizes.max()) < 1000 + 30
-    assert float(sizes[:-1].float().mean()) == pytest.approx(1000, rel=0.02)
+def test_parts_have_about_the_size_asked_for(random_rays, monkeypatch):
+    monkeypatch.setattr(training, "CPU_SEGMENTS", 1000)
+    counts = torch.randint(1, 30, (5000,), generator=torch.Generator().manual_seed(0)).tolist()
+    sizes = [len(part.voxel) for part in parts_of(random_rays(counts).take(torch.arange(5000)))]
+    assert max(sizes) < 1000 + 30
+    assert np.mean(sizes[:-1]) == pytest.approx(1000, rel=0.02)
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
-def test_chunks_run_on_one_thread_each_and_the_number_is_restored(threads, on_threads):
+def test_parts_run_on_one_thread_each_and_the_number_is_restored(threads, on_threads):
     with on_threads(threads):
-        with chunk_map(CPU) as map_chunks:
-            found = map_chunks(lambda part: (part, torch.get_num_threads()), list(range(20)))
+        with part_map(CPU) as map_parts:
+            found = map_parts(lambda part: (part, torch.get_num_threads()), range(20))
             assert found == [(part, 1) for part in range(20)]
+            assert torch.get_num_threads() == 1  # between two steps as well
         assert torch.get_num_threads() == threads
 
 
 @pytest.mark.parametrize("threads", [1, 2, 4])
-def test_an_exception_in_a_chunk_is_raised_and_the_number_restored(threads, on_threads):
+def test_an_exception_in_a_part_is_raised_and_the_number_restored(threads, on_threads):
     before = threading.active_count()
 
     def fail(part):
@@ -47,43 +54,122 @@ def test_an_exception_in_a_chunk_is_raised_and_the_number_restored(threads, on_t
         return part
 
     with on_threads(threads):
-        with pytest.raises(ZeroDivisionError, match="part 3"), chunk_map(CPU) as map_chunks:
-            map_chunks(fail, list(range(8)))
-        with pytest.raises(KeyError, match="in the block"), chunk_map(CPU):
+        with pytest.raises(ZeroDivisionError, match="part 3"), part_map(CPU) as map_parts:
+            map_parts(fail, range(8))
+        with pytest.raises(KeyError, match="in the block"), part_map(CPU):
             raise KeyError("in the block itself")
         assert torch.get_num_threads() == threads
     assert threading.active_count() == before
 
 
-def test_sums_over_chunks_are_the_same_bits_for_any_number_of_threads(on_threads):
-    generator = torch.Generator().manual_seed(0)
-    rows = torch.randn(60_000, 32, generator=generator)
-    weight = torch.randn(32, 32, generator=generator).requires_grad_()
-    counts = torch.full((6000,), 10)
-
-    def gradient(part):
-        some = rows[part.start * 10 : part.stop * 10]
-        return torch.autograd.grad((some @ weight).square().mean(), [weight])
-
-    found = []
-    for threads in (1, 2, 4):
-        with on_threads(threads), chunk_map(CPU) as map_chunks:
-            set_summed_gradients([weight], map_chunks(gradient, micro_batches(counts, 4096)))
-        found.append(weight.grad)
-    assert all(torch.equal(found[0], other) for other in found[1:])
-    assert len(micro_batches(counts, 4096)) > 4
-
-
-def test_on_other_devices_chunks_follow_one_another():
-    with chunk_map(torch.device("meta")) as map_chunks:
-        found = map_chunks(lambda part: threading.current_thread().name, [0, 1])
+def test_on_other_devices_parts_follow_one_another():
+    with part_map(torch.device("meta")) as map_parts:
+        found = map_parts(lambda part: threading.current_thread().name, [0, 1])
     assert found == [threading.current_thread().name] * 2
 
 
-def test_gradients_are_added_in_the_order_of_the_chunks():
+def test_a_step_adds_parts_in_their_order():
     parameter = torch.nn.Parameter(torch.zeros(1))
-    parts = [[torch.tensor([1e8])], [torch.tensor([1.0])], [torch.tensor([-1e8])]]
-    set_summed_gradients([parameter], parts)
-    assert parameter.grad.item() == 0.0  # the other order gives 1
-    set_summed_gradients([parameter], parts[1:2])
-    assert parameter.grad.item() == 1.0  # set, not added to what was there
+    optimiser = torch.optim.SGD([parameter], lr=1.0)
+
+    def walk(slopes):
+        return step(optimiser, slopes, lambda one: ((one * parameter).sum(), one), part_of)
+
+    def part_of(function, parts):
+        return [function(torch.tensor([part])) for part in parts]
+
+    assert walk([1e8, 1.0, -1e8]).item() == 0.0  # the other order gives 1
+    assert parameter.item() == 0.0
+    assert walk([2.0]).item() == 2.0
+    assert parameter.item() == -2.0  # a gradient is set, not added to the one before
+
+
+@pytest.mark.parametrize("device", ["abacus", "meta", "cuda:99"])
+def test_a_device_that_is_not_there_is_named_in_one_line(device):
+    with pytest.raises(ValueError, match=f"device: found '{device}', expected one") as caught:
+        usable_device(device)
+    assert "\n" not in str(caught.value)
+    assert usable_device("cpu") == CPU
+
+
+@pytest.fixture
+def joint(random_rays):
+    """Return a function that makes a training of 103 rays, two of them empty, and two frames."""
+
+    def make(encoder=None, frames=2, **settings):
+        rays = random_rays([3, 0, *range(1, 51), 0, *range(1, 51)], unknowns=20)
+        own = encoder or Encoder("relative", blocks=1, channels=4, last_bias=0.5)
+        model = WERNet(torch.full((frames, 20), 0.1), own, anchored=False)
+        measured = np.random.default_rng(0).random((frames, len(rays)))
+        chosen = PaperSettings(rays_per_step=25, **settings)
+        order = torch.Generator().manual_seed(0)
+        return JointTraining(model, own, rays, measured, chosen, True, order)
+
+    return make
+
+
+@pytest.mark.parametrize("variant", ["bias-mask", "batch-norm"])
+def test_an_epoch_uses_every_ray_that_crosses_of_every_frame_once(joint, monkeypatch, variant):
+    monkeypatch.setattr(training, "CPU_SEGMENTS", 200)
+    own, seen = joint(Encoder("relative", variant=variant, blocks=1)), []
+    plain = own.model.forward
+    monkeypatch.setattr(own.model, "forward", lambda part: (seen.append(part), plain(part))[1])
+    own.run(2, 0.0, lambda history: False)
+    numbers = torch.cat([part.number for part in seen])
+    expected = [
+        frame * 103 + ray for frame in range(2) for ray in range(103) if ray not in (1, 52)
+    ]
+    first, second = numbers.split(len(expected))
+    assert first.sort().values.tolist() == second.sort().values.tolist() == expected
+    assert not torch.equal(first, second)
+    sizes = [len(part) for part in seen]
+    if variant == "batch-norm":  # the statistics are those of the step
+        assert sizes == 2 * ([25] * 8 + [2])
+    else:
+        assert max(len(part.voxel) for part in seen) < 250
+
+
+@pytest.mark.parametrize("loss", ["squared", "absolute"])
+def test_a_step_goes_down_the_mean_loss_of_its_rays(joint, monkeypatch, loss):
+    monkeypatch.setattr(training, "CPU_SEGMENTS", 200)
+    own = joint(loss=loss)
+    optimiser = torch.optim.SGD(own.model.parameters(), lr=1e-3)
+    own.optimiser, before = optimiser, [one.detach().clone() for one in own.model.parameters()]
+    numbers = own.numbers[:25]
+    batch = own.rays.take(numbers)
+    error = own.model(batch) - own.measured[numbers]
+    mean = error.square().mean() if loss == "squared" else error.abs().mean()
+    slopes = torch.autograd.grad(mean, list(own.model.parameters()))
+    with part_map(CPU) as map_parts:
+        squares = own.use(numbers, map_parts)
+    assert squares == pytest.approx(error.square().sum().item(), rel=1e-5)
+    for parameter, old, slope in zip(own.model.parameters(), before, slopes, strict=True):
+        torch.testing.assert_close(parameter.detach(), old - 1e-3 * slope)
+
+
+@pytest.mark.parametrize("frozen", [True, False])
+def test_rates_are_halved_and_frozen_encoders_stay(joint, frozen):
+    encoder = Encoder("relative", variant="batch-norm", blocks=1).requires_grad_(not frozen)
+    own = joint(encoder, halve_every=2, voxel_learning_rate=0.04, encoder_learning_rate=0.02)
+    before = {name: value.clone() for name, value in encoder.state_dict().items()}
+    own.run(5, 0.0, lambda history: False)
+    rates = [group["lr"] for group in own.optimiser.param_groups]
+    assert rates == [0.01] if frozen else rates == [0.01, 0.005]
+    same = [torch.equal(before[name], value) for name, value in encoder.state_dict().items()]
+    assert all(same) if frozen else not any(same)
+
+
+def test_a_training_goes_on_from_its_state_to_the_same_bits(joint):
+    whole, first, second = (
+        joint(Encoder("relative", variant="batch-norm", blocks=1), halve_every=2) for _ in range(3)
+    )
+    whole.run(4, 0.0, lambda history: False)
+    first.run(4, 0.0, lambda history: len(history) == 3)
+    second.load_state_dict(None)
+    assert not second.history
+    second.load_state_dict(first.state_dict())
+    assert second.run(4, 0.0, lambda history: False) == "all 4 epochs done"
+    for name, value in whole.model.state_dict().items():
+        assert torch.equal(second.model.state_dict()[name], value)
+    residuals = [[one.relative_residual for one in each.history] for each in (whole, second)]
+    assert residuals[0] == residuals[1]
