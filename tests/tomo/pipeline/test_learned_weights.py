@@ -5,8 +5,9 @@ import pytest
 
 from rigs import ring
 from tomo import LinearSystem, VoxelGrid
-from tomo.wernet.default import CorrectionEncoder, LearnedWeights, RayFeatures, RayWeights
-from tomo.wernet.default.ray_weights import reweighted
+from tomo.pipeline.learned_weights import LearnedWeights
+from tomo.wernet import Encoder, RayFeatures, RayWeights
+from tomo.wernet.weights import reweighted
 
 GRID = VoxelGrid((6, 8, 7), (1.0, 1.5, 1.2), (2.0, 0.0, -1.0))
 RESIDUALS = {"segment_lengths": 0.1, "learned": 0.05}
@@ -34,8 +35,8 @@ def volume():
 def sum_up(system, volume):
     """Return a function that sums up weights of these relative sizes ``(S,)``."""
     lengths = system.projector
-    scale, gauge = RayFeatures.of(lengths).image_scale, np.ones(GRID.size, np.float32)
-    weights = RayWeights(CorrectionEncoder(), volume.ravel(), 1.0, scale, gauge)
+    scale, gauge = RayFeatures.of(lengths, "optics").image_scale, np.ones(GRID.size, np.float32)
+    weights = RayWeights(Encoder(), volume.ravel(), 1.0, scale, gauge)
 
     def of(ratio, volume=volume):
         learned = reweighted(lengths, ratio.astype(np.float32))

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
-from tomo.wernet import save_encoder
-from tomo.wernet.default import RayFeatures, RayWeights, wernet
-from tomo.wernet.default.encoder import CorrectionEncoder
-from tomo.wernet.default.ray_weights import corrections
-from tomo.wernet.default.training import EncoderTraining
+from tomo.wernet import Encoder, Rays, RayWeights, WernetSettings, save_encoder, wernet
+from tomo.wernet.outer_iterations import EncoderTraining
+from tomo.wernet.weights import corrections
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -80,19 +78,18 @@ def test_no_factor_of_the_volume_hides_in_the_weights(optic):
 def test_emission_in_front_is_among_what_may_be_learned(scene):
     """At the true voxels, weights by the light between segment and camera are found again."""
     one = scene(image_size=(28, 40))
-    rays, volume = one.projector, one.truth.ravel().astype(np.float32)
-    features = RayFeatures.of(rays)
-    upstream = features.upstream_emission(volume, 2.0)
-    true = 1 / (1 + 0.5 * upstream.numpy())
-    measured = (rays.with_lengths(rays.segments.length * true) @ volume).astype(np.float32)
-    none = np.zeros(len(measured), bool)
+    segments, volume = one.projector.segments, one.truth.ravel().astype(np.float32)
+    rays = Rays.of(one.projector, "optics").with_upstream(volume, 2.0)
+    true = 1 / (1 + 0.5 * rays.features.of_segment[:, -1].numpy())
+    measured = one.projector.with_lengths(segments.length * true) @ volume
+    measured, none = measured.astype(np.float32), np.zeros(len(measured), bool)
     training = EncoderTraining(
-        features, measured, CorrectionEncoder(), iterations=8, seed=0,
-        map_chunks=lambda of, chunks: list(map(of, chunks)), held=none,
+        rays, measured, Encoder(silent=True), WernetSettings(), iterations=8, seed=0,
+        map_parts=lambda function, parts: list(map(function, parts)), held=none,
     )  # fmt: skip
-    losses = [training.train(n, volume, upstream, np.zeros_like(measured)) for n in range(8)]
+    losses = [training.train(n, rays, volume, np.zeros_like(measured)) for n in range(8)]
     assert losses[-1] < 0.05 * losses[0]
-    found = np.square(1 + corrections(training.encoder, features, upstream, training.map_chunks))
-    light = rays.segments.length * volume[rays.segments.voxel]
+    found = np.square(1 + corrections(training.encoder, rays, training.map_parts))
+    light = segments.length * volume[segments.voxel]
     apart = np.sqrt(light @ np.square(found - true) / light.sum())
     assert apart < 0.25 * np.sqrt(light @ np.square(1 - true) / light.sum())

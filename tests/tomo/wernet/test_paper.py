@@ -315,7 +315,7 @@ def test_a_training_that_is_done_is_done_and_more_epochs_go_on(projector, measur
 
 def _other_rays(projector, measured):
     s = projector.segments
-    return Projector(Segments(s.ptr, s.voxel[::-1], s.length, s.midpoint), GRID), measured
+    return Projector(Segments(s.ptr, s.voxel[::-1].copy(), s.length, s.midpoint), GRID), measured
 
 
 def _other_lengths(projector, measured):

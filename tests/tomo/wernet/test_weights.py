@@ -4,17 +4,19 @@ import numpy as np
 import pytest
 import torch
 
-from tomo import Projector
+from tomo import Projector, VoxelGrid
 from tomo.grid import ActiveVoxels
 from tomo.operators import dot_test
 from tomo.trace import Segments
-from tomo.wernet.default import CorrectionEncoder, RayFeatures, RayWeights
-from tomo.wernet.default.ray_weights import mean_of_voxels, reweighted
-from tomo.wernet.micro_batches import CPU_SEGMENTS
+from tomo.wernet import Encoder, RayFeatures, Rays, RayWeights
+from tomo.wernet.training import CPU_SEGMENTS
+from tomo.wernet.weights import mean_of_voxels, reweighted
+
+SHOWN = ("direction, x", "direction, z", "depth in the grid")
 
 
-def _weights(projector, trained=True):
-    encoder = CorrectionEncoder(blocks=1, channels=8, seed=1)
+def _weights(projector, trained=True, shown=None):
+    encoder = Encoder(blocks=1, channels=8, silent=True, shown=shown, seed=1)
     if trained:
         generator = torch.Generator().manual_seed(0)
         torch.nn.init.normal_(encoder.last.weight, 0, 0.3, generator=generator)
@@ -22,7 +24,7 @@ def _weights(projector, trained=True):
     volume = random.random(projector.shape[1]).astype(np.float32)
     gauge = random.uniform(0.8, 1.2, projector.shape[1]).astype(np.float32)
     gauge = gauge if trained else np.ones_like(gauge)
-    return RayWeights(encoder, volume, 8.0, RayFeatures.of(projector).image_scale, gauge)
+    return RayWeights(encoder, volume, 8.0, RayFeatures.of(projector, "optics").image_scale, gauge)
 
 
 def test_a_new_encoder_gives_the_projector_of_segment_lengths(scene):
@@ -45,18 +47,15 @@ def test_the_learned_projector_has_its_adjoint(scene, dtype, bound):
 
 def test_weights_are_lengths_times_one_plus_the_correction_squared_over_the_gauge(scene):
     unweighted = scene().projector
-    weights, features = _weights(unweighted), RayFeatures.of(unweighted)
-    upstream = features.upstream_emission(weights.volume, weights.unit)
+    weights, lengths = _weights(unweighted), unweighted.segments.length
+    rays = Rays.of(unweighted, "optics").with_upstream(weights.volume, weights.unit)
     learned = weights.projector(unweighted)
-    for ray in range(0, len(features.start), 131):
-        packing, described = features.packed(torch.tensor([ray]), upstream)
+    for ray in range(0, len(rays), 131):
+        own, batch = slice(*unweighted.segments.ptr[ray : ray + 2]), rays.take(torch.tensor([ray]))
         with torch.no_grad():
-            rows = weights.encoder(packing.to_rows(described), packing.mask)
-        ratio = (1 + rows[packing.row].numpy()) ** 2
-        ratio /= weights.gauge[unweighted.segments.voxel[packing.segment]]
-        expected = unweighted.segments.length[packing.segment] * ratio
-        found = learned.segments.length[packing.segment]
-        np.testing.assert_allclose(found, expected, rtol=1e-4, atol=1e-6)
+            correction = weights.encoder(batch.features, batch.mask)[batch.row].numpy()
+        expected = lengths[own] * (1 + correction) ** 2 / weights.gauge[batch.voxel]
+        np.testing.assert_allclose(learned.segments.length[own], expected, rtol=1e-4, atol=1e-6)
 
 
 def test_the_gauge_is_the_mean_of_a_voxel_s_weights():
@@ -64,8 +63,6 @@ def test_the_gauge_is_the_mean_of_a_voxel_s_weights():
         np.array([0, 3, 5]), np.array([0, 1, 2, 1, 2], np.int32),
         np.array([1, 1, 1, 3, 0], np.float32), np.zeros((5, 3), np.float32),
     )  # fmt: skip
-    from tomo.grid import VoxelGrid
-
     lengths = Projector(segments, VoxelGrid((4, 1, 1), 1.0))
     found = mean_of_voxels(np.array([1, 0, -1, 1, 5], np.float32), lengths)
     # of 1 x 4; of 1 x 1 and 3 x 4; of nothing, because both are zero; of no segment
@@ -107,9 +104,8 @@ def test_pixels_that_cross_nothing_stay_empty(scene):
         np.concatenate([[0], np.cumsum(counts)]), s.voxel[kept], s.length[kept], s.midpoint[kept]
     )
     unweighted = Projector(some, one.grid, one.projector.view_ptr)
-    scale = RayFeatures.of(one.projector).image_scale
-    weights = replace(_weights(unweighted), image_scale=scale)
-    weights.encoder.show_only(("direction, x", "direction, z", "depth in the grid"))
+    scale = RayFeatures.of(one.projector, "optics").image_scale
+    weights = replace(_weights(unweighted, shown=SHOWN), image_scale=scale)
     learned = weights.projector(unweighted)
     assert np.array_equal(learned.segments.ptr, some.ptr)
     whole = weights.projector(one.projector)
@@ -130,5 +126,5 @@ def test_active_voxels_stay(scene):
 
 
 def test_repr_names_the_sizes(scene):
-    text = repr(_weights(scene().projector))
-    assert text == "<RayWeights: {'blocks': 1, 'channels': 8}>"
+    weights = _weights(scene().projector)
+    assert repr(weights) == f"<RayWeights: {weights.encoder.settings}>"

@@ -11,10 +11,9 @@ from tomo.grid import ActiveVoxels
 from tomo.operators import Projector
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.trace import Segments
-from tomo.wernet import save_encoder
-from tomo.wernet.default import CorrectionEncoder, wernet
-from tomo.wernet.default.ray_features import FEATURES
-from tomo.wernet.default.wernet import FEW_VIEW_FEATURES
+from tomo.wernet import Encoder, Rays, WernetSettings, save_encoder, wernet
+from tomo.wernet.outer_iterations import EncoderTraining
+from tomo.wernet.wernet import FEW_VIEW_FEATURES
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -127,14 +126,33 @@ def test_through_a_lens_nothing_is_trained(scene):
     assert "no encoder is trained through a lens blur" in found.stop_reason
 
 
-def test_few_views_show_an_encoder_nothing_that_tells_them_apart(scene, tmp_path):
-    for views in (6, 12):
-        one, path = scene(views=views), tmp_path / f"{views}.pt"
-        wernet(one.projector, one.measured, iterations=1, checkpoint=path)
-        encoder = torch.load(path, weights_only=True)["state"]["training"]["encoder"]
-        looked_at = (encoder["hidden.0.weight"] != 0).any(dim=2).any(dim=0)
-        names = [name for name, some in zip(FEATURES, looked_at, strict=True) if some]
-        assert names == list(FEW_VIEW_FEATURES if views == 6 else FEATURES)
+@pytest.mark.parametrize("views", [6, 12])
+def test_few_views_show_an_encoder_nothing_that_tells_them_apart(scene, views):
+    one = scene(views=views)
+    found = wernet(one.projector, one.measured, iterations=0)
+    assert found.settings["shown"] == (FEW_VIEW_FEATURES if views == 6 else None)
+
+
+def test_every_setting_of_training_is_used(shaded):
+    volume, one = shaded.truth.ravel().astype(np.float32), shaded.measured
+    rays = Rays.of(shaded.projector, "optics")
+
+    def trained(**settings):
+        training = EncoderTraining(
+            rays, one, Encoder(silent=True), WernetSettings(**settings), iterations=2, seed=0,
+            map_parts=lambda function, parts: list(map(function, parts)), held=one < 0,
+        )  # fmt: skip
+        for number in range(2):
+            training.train(number, rays, volume, np.zeros_like(one))
+        return training.encoder.last.weight
+
+    usual = trained()
+    assert torch.equal(trained(), usual)
+    for settings in (
+        {"steps": 3}, {"rays_per_step": 20}, {"penalty": 0.5}, {"learning_rate": 0.1},
+        {"last_rate": 0.9},
+    ):  # fmt: skip
+        assert not torch.equal(trained(**settings), usual), settings
 
 
 def test_active_voxels_alone_are_solved_for(shaded):
@@ -182,13 +200,17 @@ def test_the_unit_of_the_images_is_that_of_the_volume(scene, shaded, power):
 
 
 def test_an_encoder_in_memory_or_in_a_file_is_not_changed_by_training(shaded, tmp_path):
-    path, encoder = tmp_path / "encoder.pt", CorrectionEncoder(blocks=1, channels=8, seed=4)
+    path, encoder = tmp_path / "encoder.pt", Encoder(blocks=1, channels=8, silent=True, seed=4)
     save_encoder(encoder, path)
     content = path.read_bytes()
     before = {name: value.clone() for name, value in encoder.state_dict().items()}
     found, from_file, fresh = (
         wernet(shaded.projector, shaded.measured, seed=4, iterations=1, **given)
-        for given in ({"encoder": encoder}, {"encoder": path}, {"blocks": 1, "channels": 8})
+        for given in (
+            {"encoder": encoder},
+            {"encoder": path},
+            {"settings": WernetSettings(blocks=1, channels=8)},
+        )
     )
     assert all(torch.equal(before[name], value) for name, value in encoder.state_dict().items())
     assert path.read_bytes() == content
@@ -202,7 +224,7 @@ def test_an_encoder_in_memory_or_in_a_file_is_not_changed_by_training(shaded, tm
 @pytest.mark.parametrize("value", [1e4, 1e10, np.nan])
 @pytest.mark.parametrize("freeze", [False, True], ids=["trained", "frozen"])
 def test_an_encoder_that_explodes_leaves_the_classic_solve(scene, shaded, value, freeze):
-    encoder = CorrectionEncoder(blocks=1, channels=4)
+    encoder = Encoder(blocks=1, channels=4)
     with torch.no_grad():
         for parameter in encoder.parameters():
             parameter.fill_(value)
@@ -229,8 +251,7 @@ def test_rays_that_all_miss_the_grid_are_refused(scene):
         ({"iterations": 1.5}, "iterations: found 1.5"),
         ({"freeze_encoder": True}, "freeze_encoder: found no encoder to freeze"),
         ({"device": "abacus"}, "device: found 'abacus'"),
-        ({"blocks": 0}, "blocks: found 0"),
-        ({"channels": 0}, "channels: found 0"),
+        ({"encoder": Encoder("relative")}, "encoder: found one that sees 'relative' inputs"),
         ({"measured": np.ones(3)}, "measured: found"),
         ({"measured": np.full(3192, np.nan)}, r"measured.*NaN"),
     ],
