@@ -1,6 +1,7 @@
 """WERNet where PyTorch has another device: nearly what a CPU gives, and it comes back."""
 
 import copy
+
 import numpy as np
 import pytest
 import torch

@@ -71,6 +71,13 @@ def test_batch_normalisation_is_pytorchs_of_the_rows_of_segments(rays, dtype):
         torch.testing.assert_close(norm.running_var, twin.running_var)
 
 
+def test_batch_normalisation_of_a_single_segment_is_finite(random_rays):
+    batch = random_rays([1]).take(torch.arange(1))
+    encoder = Encoder("relative", variant="batch-norm")
+    assert give(encoder, batch).isfinite().all()
+    assert all(value.isfinite().all() for value in encoder.state_dict().values())
+
+
 @pytest.mark.parametrize(("blocks", "reach"), [(1, 2), (3, 4)])
 def test_a_number_sees_one_neighbour_more_with_every_layer(random_rays, blocks, reach):
     batch = random_rays([21]).take(torch.arange(1))
