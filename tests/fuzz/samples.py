@@ -38,10 +38,8 @@ from rigs.recordings import (
 from rigs.recordings.film_formats.video_opencv import OpenCVVideo
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
-from tomo.wernet import load_encoder, save_encoder
-from tomo.wernet.default import CorrectionEncoder
-from tomo.wernet.default.checkpoint import Checkpoint
-from tomo.wernet.paper import WeightEncoder
+from tomo.wernet import Encoder, load_encoder, save_encoder
+from tomo.wernet.files import load_training, save_training
 
 EYE = [[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0]]
 K = [[80.0, 0, 4], [0, 80.0, 3], [0, 0, 1]]
@@ -424,19 +422,19 @@ def _films(folder):
 def _learned(folder):
     files, path = [], folder / "a.pt"
     for encoder in (
-        WeightEncoder("batch-norm", blocks=1, channels=2),
-        WeightEncoder("bias-mask", blocks=2, channels=2),
-        CorrectionEncoder(blocks=1, channels=2),
+        Encoder("relative", variant="batch-norm", blocks=1, channels=2),
+        Encoder("absolute", blocks=2, channels=2),
+        Encoder("optics", blocks=1, channels=2, shown=("upstream emission",)),
     ):
         save_encoder(encoder, path)
         files.append(path.read_bytes())
     legacy = io.BytesIO()
     content = torch.load(path, weights_only=True)
     torch.save(content, legacy, _use_new_zipfile_serialization=False)
-    Checkpoint(path, "a problem").save({"done": 2, "unknowns": torch.ones(8)})
+    save_training(path, "a problem", {"history": [2], "voxels": torch.ones(8)})
 
     def resume(file):
-        return Checkpoint(file, "a problem").load()
+        return load_training(file, "a problem")
 
     return {
         "encoder": Reader("a.pt", load_encoder, (*files, legacy.getvalue()), ARCHIVE),

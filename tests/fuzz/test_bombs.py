@@ -202,7 +202,7 @@ def test_code_in_a_file_is_not_run(
     monkeypatch.chdir(tmp_path)
     reader = every_reader[name]
     members = unpacked(reader.samples[0])
-    hidden = pickle.dumps({"format": "wernet-encoder", "version": 3, "kind": call}, 2)
+    hidden = pickle.dumps({"format": "wernet-encoder", "version": 4, "state": call}, 2)
     objects = io.BytesIO()
     np.save(objects, np.array([call], dtype=object), allow_pickle=True)
     contents = [pickle.dumps(call, 2), hidden]

@@ -21,7 +21,7 @@ sys.meta_path.insert(0, Watch())
     "first",
     [
         "import tomo.wernet; tomo.wernet.WERNet",
-        "from tomo.wernet.paper.wernet_paper import wernet_paper",
+        "from tomo.wernet.paper import wernet_paper",
         "import tomo._compute.jit, torch",
         "import tomo.pipeline.reconstruct, torch",
     ],

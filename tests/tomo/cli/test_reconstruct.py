@@ -268,42 +268,40 @@ WERNET = ("--method", "wernet", "--seed", "3", "--iterations", "2", "--no-pictur
 WERNET += ("--uncertainty", "0")
 
 
-def test_wernet_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkeypatch):
-    from tomo.wernet.default.checkpoint import Checkpoint
+def test_wernet_paper_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, monkeypatch):
+    from tomo.wernet.paper import save_training
 
-    save = Checkpoint.save
-
-    def save_and_stop(checkpoint, *state):
-        save(checkpoint, *state)
+    def save_and_stop(*state):
+        save_training(*state)
         raise KeyboardInterrupt
 
-    out = tmp_path / "out"
+    out, settings = tmp_path / "out", {"method": "wernet-paper", "seed": 3, "iterations": 6}
+    settings["uncertainty"] = 0
+    options = [word for name, value in settings.items() for word in (f"--{name}", str(value))]
+    options += ["--scale", "2", "--no-pictures", "-o", out]
     with monkeypatch.context() as patch:
-        patch.setattr(Checkpoint, "save", save_and_stop)
-        assert run_tool("reconstruct", scan, *WERNET, "-o", out).exit_code != 0
+        patch.setattr("tomo.wernet.paper.save_training", save_and_stop)
+        assert run_tool("reconstruct", scan, *options).exit_code != 0
     assert [path.name for path in out.iterdir()] == ["checkpoint.pt"]
-    resumed = run_tool("reconstruct", scan, *WERNET, "--resume", "--json", "-o", out)
+    resumed = run_tool("reconstruct", scan, *options, "--resume", "--json")
     assert resumed.exit_code == 0, resumed.stderr
-    settings = {"method": "wernet", "seed": 3, "iterations": 2, "uncertainty": 0}
-    whole = reconstruct(load_scan(scan), options=Options(**settings))
+    whole = reconstruct(load_scan(scan).scaled(2), options=Options(**settings))
     volume = read_volume(out / "volume.npz")[0]
     np.testing.assert_array_equal(volume, whole.solution.volume)
     report = json.loads(resumed.stdout)
-    assert report["method"] == "wernet"
     assert report["solver"] == json.loads(json.dumps(whole.report()["solver"]))
     # of other settings it is refused, and what is there stays
-    other = run_tool("reconstruct", scan, *WERNET, "--scale", "2", "--resume", "-o", out)
+    other = run_tool("reconstruct", scan, *options, "--scale", "3", "--resume")
     assert other.exit_code == 2
-    assert f"{out / 'checkpoint.pt'}: problem: found a checkpoint of other images" in other.stderr
+    assert f"{out / 'checkpoint.pt'}: problem: found a training of other images" in other.stderr
     assert (out / "report.json").exists()
 
 
 def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
-    from tomo.wernet import save_encoder
-    from tomo.wernet.default import CorrectionEncoder
+    from tomo.wernet import Encoder, save_encoder
 
     path = tmp_path / "encoder.pt"
-    save_encoder(CorrectionEncoder(blocks=1, channels=4, seed=5), path)
+    save_encoder(Encoder(blocks=1, channels=4, silent=True, seed=5), path)
     content = path.read_bytes()
     options = ("--encoder", path, "--freeze-encoder", "--hold-out", "cam02", "--json")
     done = run_tool("reconstruct", scan, *WERNET, *options, "-o", tmp_path / "out")

@@ -117,10 +117,9 @@ def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path)
 
 
 def test_training_that_diverges_at_once_is_one_line(run_tool, scan, tmp_path):
-    from tomo.wernet import save_encoder
-    from tomo.wernet.paper import WeightEncoder
+    from tomo.wernet import Encoder, save_encoder
 
-    encoder = WeightEncoder(seed=0)
+    encoder = Encoder("relative", seed=0)
     with torch.no_grad():
         for parameter in encoder.parameters():
             parameter.fill_(float(np.finfo(np.float32).max))

@@ -14,8 +14,7 @@ from tomo.metrics import cosine_distance
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
-from tomo.wernet import save_encoder
-from tomo.wernet.default import CorrectionEncoder
+from tomo.wernet import Encoder, save_encoder
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -194,7 +193,7 @@ def test_the_report_says_what_was_tried_and_what_was_taken(by_linear):
 
 
 def test_given_weights_are_tried_in_the_linear_basis(small, classic, tmp_path):
-    encoder, path = CorrectionEncoder(seed=2), tmp_path / "encoder.pt"
+    encoder, path = Encoder(silent=True, seed=2), tmp_path / "encoder.pt"
     torch.nn.init.normal_(
         encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(2)
     )

@@ -93,7 +93,7 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
     with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
         assert methods.AUTO == solve.AUTO == "other"
     assert methods.AUTO == solve.AUTO == before
-    infer, wernet = map(import_module, ("tomo.pipeline.infer", "tomo.wernet.default.wernet"))
+    infer, wernet = map(import_module, ("tomo.pipeline.infer", "tomo.wernet.wernet"))
     assert infer.FEWEST_VIEWS == wernet.FEWEST_VIEWS == 3
     with patches.patched({"tomo.pipeline.infer.FEWEST_VIEWS": 4}):
         assert (infer.FEWEST_VIEWS, wernet.FEWEST_VIEWS) == (4, 3)

@@ -192,24 +192,18 @@ def test_a_wrong_entry_of_transforms(refused, scan, tmp_path, fields, words):
     assert str(scan) in line
 
 
-def _write_encoder(path, kind):
-    from tomo.wernet import save_encoder
-    from tomo.wernet.default import CorrectionEncoder
-    from tomo.wernet.paper import WeightEncoder
+def _write_encoder(path, inputs):
+    from tomo.wernet import Encoder, save_encoder
 
-    save_encoder({"weights": WeightEncoder, "correction": CorrectionEncoder}[kind](), path)
+    save_encoder(Encoder(inputs), path)
 
 
 ENCODER_FAULTS = {
     "missing": ("wernet", None, "no such file, expected an encoder"),
     "missing, paper": ("wernet-paper", None, "no such file, expected an encoder"),
     "text": ("wernet", "text", "found a file that cannot be read"),
-    "kind": ("wernet", "weights", "kind: found an encoder of weights, expected one of correction"),
-    "kind, paper": (
-        "wernet-paper",
-        "correction",
-        "kind: found an encoder of correction, expected one of weights",
-    ),
+    "inputs": ("wernet", "relative", "encoder: found one that sees 'relative' inputs, expected"),
+    "inputs, paper": ("wernet-paper", "optics", "encoder: found one that sees 'optics' inputs"),
 }
 
 
@@ -231,7 +225,7 @@ def test_a_wrong_checkpoint(refused, scan, tmp_path, content):
     out = tmp_path / "out"
     out.mkdir()
     (out / "checkpoint.pt").write_bytes(content)
-    line = refused("reconstruct", scan, "--method", "wernet", "--resume", "-o", out)
+    line = refused("reconstruct", scan, "--method", "wernet-paper", "--resume", "-o", out)
     assert f"{out / 'checkpoint.pt'}: found a file that cannot be read" in line
 
 

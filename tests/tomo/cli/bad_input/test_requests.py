@@ -70,12 +70,12 @@ OPTIONS = {
     ),
     "resumed classic": (
         ("--method", "sirt", "--resume"),
-        "resume: found True, expected none for method sirt: only wernet can use it",
+        "resume: found True, expected none for method sirt: only wernet-paper can use it",
     ),
     "resumed auto": (("--resume",), "resume: found True, expected none for method auto"),
-    "resumed paper": (
-        ("--method", "wernet-paper", "--resume"),
-        "resume: found True, expected none for method wernet-paper",
+    "resumed wernet": (
+        ("--method", "wernet", "--resume"),
+        "resume: found True, expected none for method wernet: only wernet-paper can use it",
     ),
     "saved classic": (
         ("--save-encoder", "e.pt"),
