@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import os
+from contextlib import suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +14,16 @@ from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import check_plain_file
 from rigs.recordings.still import Still
 from rigs.recordings.stills import IMAGE_SUFFIXES, read_still
-from rigs.recordings.tiff import TIFF_MARKS, tiff_page
+from rigs.recordings.tiff import TIFF_MARKS, opened_tiff, tiff_page
+
+if TYPE_CHECKING:
+    from rigs.recordings.recording import Recording
 
 MOST_BITS = 32
+
+_MOST_CHANNELS = 64
+"""Pages of a still that are read as its channels: cameras of many bands have some tens. Following
+a long chain of pages takes long."""
 
 
 def read_image(
@@ -42,8 +51,9 @@ def read_image(
     usable : (rows, columns) bool, optional
         False where the pixel does not count: there, and only there, NaN and infinity are allowed
         and become 0.
-    channel : {"r", "g", "b"}, optional
-        The colour to take of an image in colour. Colours that are equal everywhere need none.
+    channel : {"r", "g", "b"}, or "0", "1" ..., optional
+        The colour to take of an image in colour. Colours that are equal everywhere need none. A
+        number is that of one of several channels, from 0, which TIFF may have as pages.
     bayer : str, optional
         Colours of the filters over 2 x 2 pixels. All pixels are returned, see `Mosaic`; a file
         that says that it is a mosaic is refused without.
@@ -95,7 +105,7 @@ def read_with_full_scale(
     check_plain_file(path)
     if not path.is_file():
         raise FileNotFoundError(f"{path}: no such image file")
-    still = read_still(path)
+    still, channel = _still(path, channel)
     check_pattern(path, still.is_mosaic, bayer)
     if still.is_grey and channel is not None and bayer is None and must_have_channel:
         raise ValueError(
@@ -162,9 +172,35 @@ def is_integer_image(path: str | os.PathLike) -> bool:
     with open(path, "rb") as file:
         if file.read(2) not in TIFF_MARKS:
             return True
-        file.seek(0)
-        with errors_of_libraries(f"{path}: not a readable image"), tiff_page(file) as page:
-            return np.dtype(page.dtype).kind in "biu"
+    if (film := _of_channels(Path(path))) is not None:
+        return film.bit_depth is not None
+    with errors_of_libraries(f"{path}: not a readable image"), tiff_page(path) as page:
+        return np.dtype(page.dtype).kind in "biu"
+
+
+def _still(path: Path, channel: str | None) -> tuple[Still, str | None]:
+    """Return an image, and which of its channels is still to be taken."""
+    try:
+        return read_still(path), channel
+    except ValueError:
+        film = _of_channels(path)
+        if film is None:
+            raise
+    return Still.of(film.read_channel(0, channel), film.bit_depth), None
+
+
+def _of_channels(path: Path) -> Recording | None:
+    """Return a TIFF file whose pages are the channels of one moment; None for any other file."""
+    from rigs.recordings.films import is_film, open_recording  # they read images too
+
+    with suppress(Exception):  # said by the reader of stills
+        with opened_tiff(path) as file:
+            if file.pages.get(_MOST_CHANNELS, default=file.pages.first) is not file.pages.first:
+                return None
+        film = open_recording(path) if is_film(path) else None
+        if film is not None and film.n_frames == 1 < len(film.channels):
+            return film
+    return None
 
 
 def _intensities(

@@ -64,21 +64,26 @@ class Still:
 
         Parameters
         ----------
-        channel : {"r", "g", "b"}, optional
-            The colour to take of an image in colour; a grey one is returned as it is.
+        channel : {"r", "g", "b"}, or "0", "1" ..., optional
+            The colour to take of an image in colour, or the number of one of any channels; a
+            grey image is returned as it is.
 
         Raises
         ------
         ValueError
-            If an image in colour has unequal channels and none is chosen, or pixels are
-            transparent: their values are not known.
+            If an image in colour has unequal channels and none is chosen, if there is no such
+            channel, or if pixels are transparent: their values are not known.
         """
         if self.is_grey:
             return self.pixels
         count = self.pixels.shape[2]
-        if count > 4:
+        number = int(channel) if channel is not None and channel.isdigit() else None
+        if number is not None and number < count:
+            return self.pixels[:, :, number]
+        if number is not None or count > len(CHANNELS) + 1:
             raise ValueError(
-                f"found {count} channels, expected one: store the channel to reconstruct alone"
+                f"found {count} channels, expected 0 to {count - 1}, one of them: channel='0', or "
+                "corrections: {channel: 0} in scan.yaml, or one stored alone"
             )
         if count in (2, 4):
             self._check_alpha(self.pixels[:, :, -1])
@@ -101,5 +106,6 @@ class Still:
         if clear:
             raise ValueError(
                 f"found {clear} transparent pixels, with alpha down to {alpha.min():g} of {full}, "
-                "expected none: store the image without alpha"
+                "expected none: store the image without alpha, or take a channel by its number, "
+                "like channel='0'"
             )

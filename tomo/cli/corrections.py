@@ -77,8 +77,8 @@ ChannelOption = Annotated[
     str | None,
     typer.Option(
         metavar="r|g|b|N",
-        help="The colour to reconstruct of images in colour, or the channel of films with "
-        "several, from 0.",
+        help="The colour to reconstruct of images in colour, or the channel of images and films "
+        "with several, from 0.",
         **_PANEL,
     ),
 ]

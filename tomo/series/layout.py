@@ -3,21 +3,26 @@
 from __future__ import annotations
 
 import json
+import logging
 import math
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
 import zarr
 
 from rigs.files.size_guard import errors_of_libraries
+from rigs.files.text import write_bytes
 from tomo.grid import VoxelGrid
 from tomo.io.checked_arrays import create_array
 from tomo.io.volume_film import write_coordinates
 from tomo.radiometry.units import unit_of_total
 from tomo.series.frames import BLOCK
+
+logger = logging.getLogger(__name__)
 
 FORMAT = "emission-series"
 VERSION = 1
@@ -62,6 +67,9 @@ _TYPES = {
 
 _CHECKSUM = "checksum"
 """The attribute that has the CRC-32 of the others as they were written, and their names."""
+
+
+_MENDS = "the command that wrote the store writes it again"
 
 
 class Kind(NamedTuple):
@@ -142,7 +150,7 @@ def open_arrays(path: Path) -> tuple[zarr.Group, dict[str, Any], dict[str, zarr.
             raise ValueError(f"{path}: {name}: found {about.get(name)!r}, expected {wanted!r}")
     arrays = {}
     for name in ("emission", *COORDINATES, *FIGURES, *CAMERA_FIGURES, "complete"):
-        with errors_of_libraries(f"{path / name / 'zarr.json'}: not readable"):
+        with errors_of_libraries(f"{path / name / 'zarr.json'}: not readable, {_MENDS}"):
             found = group.get(name)
             dict(() if found is None else found.attrs)  # may be no mapping
         if not isinstance(found, zarr.Array):
@@ -160,9 +168,48 @@ def open_arrays(path: Path) -> tuple[zarr.Group, dict[str, Any], dict[str, zarr.
             raise ValueError(
                 f"{path / name / 'zarr.json'}: found {found.dtype} {found.shape} in chunks of "
                 f"{found.chunks}, expected {np.dtype(kind.dtype)} {kind.shape} in chunks of "
-                f"{kind.chunks} by the store's other arrays"
+                f"{kind.chunks} by the store's other arrays: {_MENDS}"
             )
     return group, about, arrays
+
+
+def mend_descriptions(path: Path, times: Sequence[float], frames: Sequence[int]) -> None:
+    """Write damaged descriptions of arrays (``zarr.json``) again, from the store's attributes.
+
+    Nothing is written where the arrays can be opened, or where every description is another than
+    this version writes: the store is then an older one.
+
+    Raises
+    ------
+    ValueError
+        As `open_arrays`, if the attributes are damaged too, are for another number of frames, or
+        belong to no store of this version.
+    """
+    try:
+        open_arrays(path)
+        return
+    except ValueError as error:
+        damage = error
+    try:
+        with errors_of_libraries(str(path)):
+            about: dict[str, Any] = dict(zarr.open_group(path, mode="r", zarr_format=3).attrs)
+            stored = about[_CHECKSUM]
+            _check_attributes(about, stored, len(frames))
+            about = {name: about[name] for name in stored["of"]}
+            names, grid = about["scan"]["frames"], VoxelGrid(**about["grid"])
+    except ValueError:
+        raise damage from None
+    with TemporaryDirectory() as folder:
+        write_empty(Path(folder) / path.name, grid, times, frames, about)
+        fresh = {one.parent.name: one.read_bytes() for one in Path(folder).glob("*/*/zarr.json")}
+    other = [name for name in sorted(fresh) if _stored(path / name / "zarr.json") != fresh[name]]
+    if len(other) == len(fresh) or len(names) != len(frames):
+        raise damage
+    for name in other:
+        logger.warning("%s: damaged; written again", path / name / "zarr.json")
+        (path / name).mkdir(exist_ok=True)
+        write_bytes(path / name / "zarr.json", fresh[name])
+    open_arrays(path)
 
 
 def _check_attributes(
@@ -173,7 +220,10 @@ def _check_attributes(
     ``stored`` is their checksum, which earlier versions did not write.
     """
     if stored is not None and _checksum(about, stored["of"]) != stored["crc32"]:
-        raise ValueError("found another checksum than they were written with: damaged or edited")
+        raise ValueError(
+            "found another checksum than they were written with: damaged or edited; copy the file "
+            "from another copy of the store, or write another store"
+        )
     for name, kind in _TYPES.items():
         if not isinstance(about.get(name), kind):
             raise ValueError(f"{name}: found {about.get(name)!r}, expected a {kind.__name__}")
@@ -184,6 +234,11 @@ def _check_attributes(
         raise ValueError(f"scan.frames: found {len(frames)} names, expected {count}")
     for camera in (about.get("rig") or {}).get("cameras") or ():
         dict(camera)["name"]  # or an error is raised
+
+
+def _stored(file: Path) -> bytes:
+    """Return a file's bytes; none where there is no such file."""
+    return file.read_bytes() if file.is_file() else b""
 
 
 def _checksum(about: Mapping[str, Any], names: Sequence[str]) -> int:

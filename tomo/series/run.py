@@ -26,6 +26,7 @@ from tomo.scan.given import as_scan
 from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
 from tomo.series.images import reader_of
+from tomo.series.layout import mend_descriptions
 from tomo.series.mend import mend
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
@@ -103,8 +104,10 @@ def reconstruct_series(
     attributes = attributes_of_run(scan, grid, options, places)
     rate = scan.frame_rate or 1.0
     times = [place / rate for place in places]
-    known = SeriesStore(path) if Path(path).exists() else None
-    if known is not None:
+    known = None
+    if Path(path).exists():
+        mend_descriptions(Path(path), times, places)
+        known = SeriesStore(path)
         check_same_run(known, attributes)
         with progress_of(progress, "check") as tell:
             mend(known, times, places, tell)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 import tifffile
 
-from rigs.recordings import Still, read_image
+from rigs.recordings import Still, is_integer_image, read_image
 
 RANDOM = np.random.default_rng(0)
 GREY = RANDOM.integers(0, 255, (6, 8), dtype=np.uint8)
@@ -72,9 +72,37 @@ def test_a_grey_image_has_no_channel_to_choose(tmp_path):
     np.testing.assert_array_equal(found, read_image(tmp_path / "a.png"))
 
 
-def test_more_channels_than_colours_are_refused():
-    with pytest.raises(ValueError, match="found 7 channels, expected one"):
-        Still.of(np.zeros((4, 5, 7))).grey()
+def test_of_more_channels_than_colours_one_is_asked_for():
+    still = Still.of(np.arange(140.0).reshape(4, 5, 7))
+    for channel in (None, "g", "7"):
+        with pytest.raises(ValueError, match=r"found 7 channels, expected 0 to 6, .*channel='0'"):
+            still.grey(channel)
+    np.testing.assert_array_equal(still.grey("5"), still.pixels[:, :, 5])
+
+
+@pytest.mark.parametrize("number", [0, 1])
+@pytest.mark.parametrize("way", ["ome", "imagej", "one page"])
+def test_a_still_of_several_channels_has_the_one_asked_for(tmp_path, way, number):
+    both = np.stack([GREY, GREY[::-1] // 2])
+    file = tmp_path / "a.tif"
+    if way == "one page":
+        both = np.moveaxis(both, 0, -1)
+        tifffile.imwrite(file, both, photometric="minisblack", planarconfig="contig")
+        both = np.moveaxis(both, -1, 0)
+    else:
+        about = {"axes": "CYX", "Channel": {"Name": ["CH", "OH"]}}
+        tifffile.imwrite(file, both, metadata=about, **{way: True})
+    found = read_image(file, channel=str(number))
+    np.testing.assert_allclose(found, both[number] / np.iinfo(GREY.dtype).max, rtol=1e-6)
+    with pytest.raises(ValueError, match=r"a\.tif: .*expected 0 to 1, .*channel"):
+        read_image(file, channel="2")
+    assert is_integer_image(file)
+
+
+def test_a_still_of_pages_without_channels_is_refused(tmp_path):
+    tifffile.imwrite(tmp_path / "a.tif", np.stack([GREY, GREY]), metadata=None)
+    with pytest.raises(ValueError, match="found more than one page"):
+        read_image(tmp_path / "a.tif", channel="0")
 
 
 @pytest.mark.parametrize("kind", ["separated", "cielab", "icclab", "ycbcr"])

@@ -179,6 +179,32 @@ def test_old_stores_are_read_and_mended_with_a_note(
     assert_same(SeriesStore(old), SeriesStore(whole))
 
 
+@pytest.mark.parametrize(
+    ("name", "kind"), [("emission", "cut"), ("complete", "missing"), ("x", "empty")]
+)
+def test_the_same_run_writes_damaged_descriptions_of_arrays_again(
+    film, options, copy, whole, assert_same, caplog, name, kind
+):
+    damage(copy, f"{name}/zarr.json", kind)
+    with pytest.raises(ValueError, match=name):
+        read_all(copy)
+    reconstruct_series(film.scan, copy, options=options)
+    assert f"{name}/zarr.json: damaged; written again" in caplog.text
+    assert_same(SeriesStore(copy), SeriesStore(whole))
+    assert (copy / name / "zarr.json").read_bytes() == (whole / name / "zarr.json").read_bytes()
+
+
+def test_damaged_descriptions_are_written_again_from_whole_attributes_alone(film, options, copy):
+    damage(copy, "emission/zarr.json", "cut")
+    about = json.loads((copy / "zarr.json").read_text())
+    about["attributes"]["grid"]["spacing"] = [9.0, 9.0, 9.0]
+    (copy / "zarr.json").write_text(json.dumps(about))
+    found = (copy / "emission/zarr.json").read_bytes()
+    with pytest.raises(ValueError, match=r"emission.zarr\.json: not readable, the command"):
+        reconstruct_series(film.scan, copy, options=options)
+    assert (copy / "emission/zarr.json").read_bytes() == found
+
+
 VALUES = (None, True, -1, 0, 3, 10**12, 0.5, "x", [], {}, [None], [0, 0, 0, 0], {"a": 1})
 
 

@@ -172,3 +172,12 @@ def test_bad_input_is_one_line(run_tool, tmp_path, arguments, words):
     assert done.exit_code == 2
     (line,) = [line for line in done.stderr.splitlines() if line.startswith("error")]
     assert words in line
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_intervals_are_measured_with_a_camera_out_in_every_field_of_a_half(half):
+    from studies.scenes.intervals import camera_out
+
+    found = camera_out(half)
+    assert {one.family for one in found} == set(design.FAULTY[half][0])
+    assert len(set(found)) == len(found) == 2 * len(camera_out(half, quick=True))

@@ -50,11 +50,15 @@ def intervals(trials: Trials, half: str, *, quick: bool, progress: Progress) -> 
 def camera_out(half: str, *, quick: bool = False) -> list[Recipe]:
     """Return scenes of which one camera's image lies beside where it should."""
     families, rigs = FAULTY[half]
+    pairs = [(number, number % len(rigs)) for number in range(len(families))]
     return [
-        Recipe(half, family, rig, TWELVE_BIT, SEEDS[half] + 10 * number + number, "shift", size)
-        for number, (family, rig) in enumerate(zip(families, rigs, strict=True))
+        Recipe(
+            half, families[family], rigs[rig], TWELVE_BIT, SEEDS[half] + 10 * family + rig,
+            "shift", size,
+        )
+        for family, rig in pairs
         for size in ((1,) if quick else (0, 1))
-    ]
+    ]  # fmt: skip
 
 
 def _summary(rows: Sequence[Row]) -> Row:
