@@ -184,6 +184,19 @@ def test_packed_rays_are_the_paper_s_padded_ones(random_rays, variant):
         torch.testing.assert_close(packed, expected, rtol=1e-9, atol=1e-12)
 
 
+def test_gradients_are_the_same_bits_every_time(random_rays, on_threads):
+    """Enough rays for several threads: sums in any order would show in nearly every run."""
+    batch, found = random_rays([3] * 100_000).take(torch.arange(100_000)), []
+    one = np.full(2, 0.1, np.float32)
+    start = {"gain": one, "fall_off": one, "background": one, "absorber": np.repeat(one, 5)}
+    model = WERNet(torch.ones(10), **start)
+    with on_threads(4):
+        for _ in range(10):
+            found.append(gradients(model, batch))
+    for name, first in found[0].items():
+        assert all(torch.equal(other[name], first) for other in found[1:]), name
+
+
 def test_frames_share_the_encoder_and_have_voxels_of_their_own(random_rays):
     rays = random_rays([5, 3, 4])
     both = everything((2, 7), nodes=7)
