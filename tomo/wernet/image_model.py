@@ -63,7 +63,7 @@ class ImageModel:
     -----
     ``s`` and ``o`` are what gains, backgrounds and fall-off make of every pixel, ``A(q)`` the
     operator by the poses, blurs and gas ``q``; at every call rays are followed anew where these
-    are not zero. With ``r = s dL/dm`` the gradients are
+    are not zero. With ``r = s dL/dm`` the gradients are these, by gas along one ray a pixel:
 
     - by the volume ``A(q)^T r``, and the change of the gas where it absorbs its own light;
     - by a pose, blur or depth ``C^T r``, with the columns ``C`` of the effect at these values;
@@ -117,8 +117,7 @@ class ImageModel:
         """
         known = {effect.name.replace("-", "_"): effect for effect in self.effects}
         for name in set(values) - set(known):
-            names = ", ".join(known) or "none"
-            raise ValueError(f"{name}: found values, expected some of {names}")
+            raise ValueError(f"{name}: found values, expected some of: {', '.join(known)}")
         effects = {name: effect for name, effect in known.items() if name in values}
         tables = [self._table(effect, values[name]) for name, effect in effects.items()]
         flat = as_unknowns(volume, self.active or ActiveVoxels(self.grid))
@@ -130,11 +129,10 @@ class ImageModel:
         """Return an effect's values as ``(views, parameters)``."""
         views, count = len(self.rig), len(effect.parameters)
         shape = (count,) if effect.shared else (views, count)
-        if tuple(values.shape) != shape and not (count == 1 and values.shape == shape[:-1]):
-            raise ValueError(
-                f"{effect.name}: found shape {tuple(values.shape)}, expected {shape}"
-                + (f" or {shape[:-1]}" if count == 1 else "")
-            )
+        shapes = [shape, shape[:-1]] if count == 1 else [shape]
+        if tuple(values.shape) not in shapes:
+            found, expected = tuple(values.shape), " or ".join(map(str, shapes))
+            raise ValueError(f"{effect.name}: found shape {found}, expected {expected}")
         return values.reshape(shape).expand(views, count)
 
     @cached_property
@@ -201,8 +199,8 @@ class _Shown:
         """Return the predicted pixels, and keep what gradients need."""
         for effect in self.of_rays:
             if effect.positive and (values[effect.name] < 0).any():
-                least = values[effect.name].min()
-                raise ValueError(f"{effect.name}: found {least:.4g}, expected >= 0: clamp it")
+                found = f"{effect.name}: found {values[effect.name].min():.4g}"
+                raise ValueError(f"{found}, expected >= 0: clamp it after a step")
         (seen,) = corrected([self.model.evenly_lit(0.0)], self.of_rays, values)
         system = self.model.equations(seen, unknowns)
         self.values, self.at = values, Prediction(seen, system, unknowns)
@@ -211,12 +209,9 @@ class _Shown:
 
     def _affine(self, values: Values) -> Affine:
         """Return ``s`` and ``o``, by what the corrections do to images of zeros and of ones."""
-        dark, lit = (
-            self.model.system.flatten(
-                corrected([self.model.evenly_lit(level)], self.of_images, values)[0].images
-            )
-            for level in (0.0, 1.0)
-        )
+        even = [self.model.evenly_lit(level) for level in (0.0, 1.0)]
+        seen = corrected(even, self.of_images, values)
+        dark, lit = (self.model.system.flatten(one.images) for one in seen)
         factor = 1 / (lit - dark)
         return factor, -dark * factor
 
@@ -249,17 +244,15 @@ class _Shown:
         for k in range(len(effect.parameters)):
             step = np.zeros_like(self.values[effect.name])
             step[:, k] = STEP
-            sides = [
-                self._affine({**self.values, effect.name: self.values[effect.name] + way * step})
-                for way in (1, -1)
-            ]
-            factor, level = ((a - b) / (2 * STEP) for a, b in zip(*sides, strict=True))
-            columns.append(factor * self.at.pixels + level)
+            more, less = (
+                self._affine({**self.values, effect.name: self.values[effect.name] + one})
+                for one in (step, -step)
+            )
+            change = (more[0] - less[0]) * self.at.pixels + more[1] - less[1]
+            columns.append(change / (2 * STEP))
         return np.array(columns)
 
-    def _view_sums(
-        self, columns: NDArray[np.float64], grad: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
+    def _view_sums(self, columns: NDArray, grad: NDArray) -> NDArray[np.float64]:
         """Return the inner products over the pixels of each view, ``(views, parameters)``."""
         parts = pairwise(self.at.system.projector.view_ptr)
         return np.array([columns[:, start:stop] @ grad[start:stop] for start, stop in parts])
@@ -291,10 +284,8 @@ class _Gradient(torch.autograd.Function):
     """A gradient of `_Pixels`, which refuses to be differentiated."""
 
     @staticmethod
-    def forward(
-        shown: _Shown, effect: Effect | None, kind: tuple, grad: torch.Tensor
-    ) -> torch.Tensor:
-        found = shown.gradient(effect, as_array(grad, "gradient").astype(np.float64))
+    def forward(shown: _Shown, by: Effect | None, kind: tuple, grad: Any) -> torch.Tensor:
+        found = shown.gradient(by, as_array(grad, "gradient").astype(np.float64))
         return torch.as_tensor(found).to(*kind)
 
     @staticmethod

@@ -167,7 +167,7 @@ def test_transforms_of_torch_serve_and_second_derivatives_are_refused():
         ({"gain": torch.zeros(3)}, r"gain: found shape \(3,\), expected \(2, 1\) or \(2,\)"),
         ({"pose": torch.zeros(6)}, r"pose: found shape \(6,\), expected \(2, 6\)"),
         ({"medium": torch.zeros(2)}, r"medium: found shape \(2,\), expected \(1,\) or \(\)"),
-        ({"gains": torch.zeros(2)}, "gains: found values, expected some of gain, "),
+        ({"gains": torch.zeros(2)}, "gains: found values, expected some of: gain, "),
         ({"gain": torch.tensor([0.0, torch.inf])}, "gain: found 1 NaN or infinite values"),
         ({"medium": torch.tensor(-0.1)}, "medium: found -0.1, expected >= 0"),
         ({"blur": torch.ones(2)}, "blur: found the basis 'voxel', expected 'linear'"),
