@@ -52,7 +52,7 @@ for ax, (name, volume) in zip(axes, volumes.items(), strict=True):
     error = tomo.metrics.nrmse(volume, scan.truth)
     (view,) = held.images(held.projector.on_voxel_means @ volume.ravel())
     psnr = tomo.metrics.psnr(view, images["cam04"])
-    ax.imshow(volume[:, :, 8].T, "inferno", extent=(-8, 8, -12, 12), origin="lower", vmax=1.2)
+    ax.imshow(volume[:, :, 8].T, "inferno", extent=(-8, 8, -12, 12), origin="lower", vmax=0.9)
     ax.set(title=f"{name}\nNRMSE {error:.2f}, {psnr:.1f} dB", xlabel="x (mm)", ylabel="y (mm)")
     print(f"{name}: NRMSE {error:.3f}, PSNR of the view left out {psnr:.1f} dB")
 plt.show()
