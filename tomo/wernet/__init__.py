@@ -28,6 +28,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "default.wernet": ["wernet"],
         "device": ["usable_device"],
         "encoder_file": ["load_encoder", "save_encoder"],
+        "image_model": ["ImageModel"],
         "packing": ["Packing"],
         "paper.encoder": ["VARIANTS", "WeightEncoder"],
         "paper.model": ["WERNet"],
@@ -35,5 +36,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "paper.samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
         "paper.settings": ["PaperSettings"],
         "paper.wernet_paper": ["TrainingDivergedError", "wernet_paper"],
+        "projection": ["project"],
     },
 )
