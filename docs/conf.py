@@ -67,7 +67,7 @@ EXAMPLES = (
     "quartz_window", "occluder_from_cad", "mirror_view", "depth_of_field",
     "two_colour_temperature",
     # extending
-    "custom_solver", "custom_prior",
+    "custom_solver", "custom_prior", "own_training_loop", "refine_a_camera", "neural_field",
     # comparisons
     "abel_inversion", "same_rays_as_rtk",
 )  # fmt: skip

@@ -42,7 +42,7 @@ class Background:
     def applied(self, observation: Observation, values: NDArray[np.float64]) -> Observation:
         """Return the images less their levels."""
         images = tuple(
-            (image - level).astype(np.float32)
+            (image - level).astype(image.dtype)
             for image, level in zip(observation.images, values[:, 0], strict=True)
         )
         return replace(observation, images=images)

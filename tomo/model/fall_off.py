@@ -46,7 +46,7 @@ class FallOff:
     def applied(self, observation: Observation, values: NDArray[np.float64]) -> Observation:
         """Return the images over their fall-off."""
         images = tuple(
-            (image / (1 - loss * _squared_radius(camera.image_size))).astype(np.float32)
+            (image / (1 - loss * _squared_radius(camera.image_size))).astype(image.dtype)
             for camera, image, loss in zip(
                 observation.rig, observation.images, values[:, 0], strict=True
             )

@@ -44,7 +44,7 @@ class Gain:
         """Return the images over their gains."""
         gains = np.exp(values[:, 0])
         images = tuple(
-            (image / g).astype(np.float32)
+            (image / g).astype(image.dtype)
             for image, g in zip(observation.images, gains, strict=True)
         )
         noise = tuple(

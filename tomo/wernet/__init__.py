@@ -8,7 +8,8 @@ module, for training loops of one's own. Two methods train it:
   ask for it;
 - `wernet_paper` (method ``wernet-paper``): the published network, its weights the encoder's alone.
 
-PyTorch is loaded on first use of a name below.
+`project` and `ImageModel` are differentiable projections by the exact operator, for networks and
+priors of one's own. PyTorch is loaded on first use of a name below.
 """
 
 import lazy_loader
@@ -23,8 +24,10 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "encoder": ["VARIANTS", "Encoder"],
         "features": ["INPUTS", "OPTICS", "RayFeatures"],
         "files": ["load_encoder", "save_encoder"],
+        "image_model": ["ImageModel"],
         "model": ["WERNet"],
         "paper": ["wernet_paper", "wernet_paper_frames"],
+        "projection": ["project"],
         "rays": ["RayBatch", "Rays"],
         "settings": ["PaperSettings", "WernetSettings", "load_settings", "settings_names"],
         "training": ["TrainingDivergedError", "usable_device"],

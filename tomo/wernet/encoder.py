@@ -130,11 +130,11 @@ class Encoder(nn.Module):
         x = features if self.shown is None else features * self.visible
         x, mask = functional.pad(x, padding), functional.pad(mask, padding)
         for layer, norm in zip_longest(self.hidden, self.norms):
-            x = _along_rays(layer, x)
+            x = layer(x)
             if isinstance(norm, MaskedBatchNorm):
                 x = norm(x, mask)
             x = functional.leaky_relu(x, SLOPE) * mask
-        return (_along_rays(self.last, x) * mask)[:n_rows, 0]
+        return (self.last(x) * mask)[:n_rows, 0]
 
 
 class MaskedBatchNorm(nn.Module):
@@ -169,17 +169,22 @@ class MaskedBatchNorm(nn.Module):
         return torch.addcmul(self.bias - mean * scale, x, scale)
 
 
-def _along_rays(layer: nn.Module, rows: torch.Tensor) -> torch.Tensor:
-    """Return rows ``(rows, C)`` convolved by a layer, as a picture of one row, channels last."""
-    picture = rows.T.unsqueeze(0).unsqueeze(2)
-    return layer(picture).squeeze(2).squeeze(0).T
+class _AlongRays(nn.Conv2d):
+    """A convolution of packed rows ``(rows, C)``, as of a picture of one row, channels last."""
+
+    def forward(self, rows: torch.Tensor) -> torch.Tensor:
+        picture = rows.T.unsqueeze(0).unsqueeze(2)
+        # Not kept in this order: `torch.optim.LBFGS` takes gradients in the plain one alone.
+        weight = self.weight.contiguous(memory_format=torch.channels_last)
+        found = functional.conv2d(picture, weight, self.bias, padding=self.padding)
+        return found.squeeze(2).squeeze(0).T
 
 
 def _convolution(inputs: int, outputs: int, bias: bool, generator: torch.Generator) -> nn.Conv2d:
     """Return a convolution of kernel three with PyTorch's uniform initial weights, seeded."""
     # skip_init: the ordinary constructor draws from the global random state.
-    layer = nn.utils.skip_init(nn.Conv2d, inputs, outputs, (1, 3), padding=(0, 1), bias=bias)
+    layer = nn.utils.skip_init(_AlongRays, inputs, outputs, (1, 3), padding=(0, 1), bias=bias)
     bound = (3 * inputs) ** -0.5
     for parameter in layer.parameters():
         nn.init.uniform_(parameter, -bound, bound, generator=generator)
-    return layer.to(memory_format=torch.channels_last)
+    return layer

@@ -91,7 +91,8 @@ class WERNet(nn.Module):
             found = scipy.sparse.coo_array(absorber_means)
             place = torch.from_numpy(np.stack(found.coords).astype(np.int64))
             value = torch.tensor(found.data, dtype=torch.float32)
-            means = torch.sparse_coo_tensor(place, value, found.shape).coalesce()
+            sparse = torch.sparse_coo_tensor(place, value, found.shape, check_invariants=True)
+            means = sparse.coalesce()
         self.absorber_means: torch.Tensor | None
         self.register_buffer("absorber_means", means, persistent=False)
 
@@ -130,15 +131,16 @@ class WERNet(nn.Module):
             values = _with_scaled_gradient(values, weights, rays)
         pixels = rays.sum(weights * values)
         if self.gain is not None:
-            pixels = pixels * self.gain[rays.view].exp()
+            pixels = pixels * self.gain.index_select(0, rays.view).exp()
         if self.fall_off is not None:
             if rays.squared_radius is None:
                 raise ValueError(
                     "squared_radius: found none, expected it in Rays.of: a fall-off needs it"
                 )
-            pixels = pixels * (1 - self.fall_off[rays.view] * _as(rays.squared_radius, pixels))
+            loss = self.fall_off.index_select(0, rays.view)
+            pixels = pixels * (1 - loss * _as(rays.squared_radius, pixels))
         if self.background is not None:
-            pixels = pixels + self.background[rays.view]
+            pixels = pixels + self.background.index_select(0, rays.view)
         return pixels
 
     def _transmission(

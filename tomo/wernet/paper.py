@@ -28,6 +28,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from rigs.files.size_guard import errors_of_libraries
 from tomo.operators.vectors import additive_start
 from tomo.solvers import Iteration, Solution
 from tomo.solvers.solution import Callback
@@ -202,9 +203,10 @@ def wernet_paper_frames(
     training = JointTraining(model, own, rays, measured / scale, settings, nonnegative, generator)
     problem = _problem(record, projector, measured)
     if checkpoint is not None and resume:
-        training.load_state_dict(load_training(checkpoint, problem))
-
-    volume = None
+        state = load_training(checkpoint, problem)
+        with errors_of_libraries(f"{checkpoint}: found a training that does not fit its settings"):
+            training.load_state_dict(state)
+    volume = _in_measured_units(model.voxels, projector, measured)
 
     def after_epoch(history: list[Iteration]) -> bool:
         nonlocal volume
@@ -216,8 +218,6 @@ def wernet_paper_frames(
         return bool(callback and callback(last.index, active, last.relative_residual))
 
     stop_reason = training.run(iterations, began, after_epoch)
-    if volume is None:  # the training that was resumed was done
-        volume = _in_measured_units(model.voxels, projector, measured)
     diverged = stop_reason.startswith("diverged")
     solved = Solution(
         volume=np.zeros(projector.grid.shape, np.float32),

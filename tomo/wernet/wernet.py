@@ -41,7 +41,7 @@ from tomo.solvers import Iteration, Solution
 from tomo.solvers.solution import Callback
 from tomo.wernet.encoder import Encoder
 from tomo.wernet.files import own_copy
-from tomo.wernet.left_out import LeftOut
+from tomo.selection.left_out import LeftOut
 from tomo.wernet.outer_iterations import EncoderTraining, OuterIterations
 from tomo.wernet.rays import Rays
 from tomo.wernet.settings import WernetSettings
