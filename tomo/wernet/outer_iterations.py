@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 
 from tomo.selection import Choice
 from tomo.selection.folds import surely_lower
-from tomo.wernet.encoder import Encoder
 from tomo.selection.left_out import Judged, LeftOut
+from tomo.wernet.encoder import Encoder
 from tomo.wernet.model import WERNet
 from tomo.wernet.rays import RayBatch, Rays
 from tomo.wernet.settings import WernetSettings

@@ -37,11 +37,11 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured, check_weights
 from tomo.selection import Choice, solve_as_chosen
 from tomo.selection.folds import FEW_VIEWS
+from tomo.selection.left_out import LeftOut
 from tomo.solvers import Iteration, Solution
 from tomo.solvers.solution import Callback
 from tomo.wernet.encoder import Encoder
 from tomo.wernet.files import own_copy
-from tomo.selection.left_out import LeftOut
 from tomo.wernet.outer_iterations import EncoderTraining, OuterIterations
 from tomo.wernet.rays import Rays
 from tomo.wernet.settings import WernetSettings
