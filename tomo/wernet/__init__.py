@@ -6,6 +6,8 @@ encoder computes for each ray in each voxel. Two forms are here:
 - `tomo.wernet.default`: segment lengths corrected by an encoder (method ``wernet``);
 - `tomo.wernet.paper`: the published network (method ``wernet-paper``).
 
+`PaperSettings` and `WernetSettings` (`settings`) hold what both leave to choose.
+
 They share the packing of rays (`packing`), the convolution (`convolution`), micro-batches
 (`micro_batches`), the device (`device`), ray directions (`ray_directions`) and files of encoders
 (`encoder_file`). PyTorch is loaded on first use of a name below.
@@ -29,11 +31,17 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "device": ["usable_device"],
         "encoder_file": ["load_encoder", "save_encoder"],
         "packing": ["Packing"],
-        "paper.encoder": ["VARIANTS", "WeightEncoder"],
+        "paper.encoder": ["WeightEncoder"],
         "paper.model": ["WERNet"],
         "paper.product": ["packed_sum", "weighted_sum"],
         "paper.samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
-        "paper.settings": ["PaperSettings"],
         "paper.wernet_paper": ["TrainingDivergedError", "wernet_paper"],
+        "settings": [
+            "VARIANTS",
+            "PaperSettings",
+            "WernetSettings",
+            "load_settings",
+            "settings_names",
+        ],
     },
 )

@@ -14,25 +14,7 @@ from tomo.wernet.default.encoder import CorrectionEncoder
 from tomo.wernet.default.ray_features import RayFeatures
 from tomo.wernet.default.ray_weights import packed_corrections
 from tomo.wernet.micro_batches import ChunkMap, micro_batches, set_summed_gradients
-
-STEPS = 24
-"""Steps of an outer iteration. Fewer: little is learned before voxels are solved for again. More:
-the encoder learns the errors of the present voxels."""
-
-RAYS_PER_STEP = 3000
-"""Rays of a step at most, drawn anew each iteration; of few rays each step has its part. Fewer:
-noisier gradients. More: time."""
-
-PENALTY = 1e-3
-"""Weight of the mean squared correction against the mean squared relative residual. Smaller: a
-common factor drifts between weights and voxels. Larger: true corrections are shrunk."""
-
-LEARNING_RATE = 3e-3
-"""Adam's first step. Larger: corrections overshoot at once. Smaller: 24 steps teach too little."""
-
-LAST_RATE = 0.02
-"""The learning rate falls along half a cosine to this fraction of the first. Larger: the last
-corrections jitter. Smaller: the last steps are wasted."""
+from tomo.wernet.settings import WernetSettings
 
 
 class EncoderTraining:
@@ -44,6 +26,8 @@ class EncoderTraining:
     measured : (rays,) float32
     encoder : CorrectionEncoder
         Trained in place.
+    settings : WernetSettings
+        Steps, rays, penalty and learning rates.
     iterations : int
         Outer iterations over which the learning rate falls.
     seed : int
@@ -57,7 +41,7 @@ class EncoderTraining:
     -----
     The loss of some rays at the voxels ``x`` is::
 
-        mean (p - m)² / mean m²  +  1e-3 mean e²,    p = d + sum_j length_j (1 + e_j)² x_j
+        mean (p - m)² / mean m²  +  penalty mean e²,    p = d + sum_j length_j (1 + e_j)² x_j
 
     with the offset ``d`` of the present prediction, in the basis of the solve, from the sum over
     voxels of even emission: else the encoder would learn what these lack.
@@ -74,16 +58,19 @@ class EncoderTraining:
         measured: NDArray[np.float32],
         encoder: CorrectionEncoder,
         *,
+        settings: WernetSettings,
         iterations: int,
         seed: int,
         map_chunks: ChunkMap,
         held: NDArray[np.bool_],
     ) -> None:
         self.features, self.encoder, self.map_chunks = features, encoder, map_chunks
-        self.iterations, self.measured = iterations, measured
+        self.settings, self.iterations, self.measured = settings, iterations, measured
         self.unit = math.sqrt(np.mean(np.square(measured, dtype=np.float64))) or 1.0
         self.trained = list(encoder.parameters())
-        self.optimiser = torch.optim.Adam(self.trained, lr=LEARNING_RATE, betas=(0.9, 0.99))
+        self.optimiser = torch.optim.Adam(
+            self.trained, lr=settings.learning_rate, betas=(0.9, 0.99)
+        )
         self.generator = torch.Generator().manual_seed(seed)
         usable = (features.count.cpu() > 0) & torch.from_numpy(~held)
         self.usable = usable.nonzero()[:, 0]
@@ -110,15 +97,16 @@ class EncoderTraining:
         """
         progress = min(number / self.iterations, 1.0)
         cosine = 0.5 * (1 + math.cos(math.pi * progress))
+        own = self.settings
         for group in self.optimiser.param_groups:
-            group["lr"] = LEARNING_RATE * (LAST_RATE + (1 - LAST_RATE) * cosine)
+            group["lr"] = own.learning_rate * (own.last_rate + (1 - own.last_rate) * cosine)
         # Squares in single precision cannot hold 1e30 nor 1e-30; powers of two change no digit.
         exponent = math.frexp(self.unit)[1]
         scaled = (np.ldexp(each, -exponent) for each in (volume, self.measured - offset))
         fixed = [torch.from_numpy(each).to(upstream.device) for each in scaled]
         order = torch.randperm(len(self.usable), generator=self.generator)
-        size = max(min(len(order) // STEPS, RAYS_PER_STEP), 1)
-        steps = self.usable[order[: STEPS * size]].split(size)
+        size = max(min(len(order) // own.steps, own.rays_per_step), 1)
+        steps = self.usable[order[: own.steps * size]].split(size)
         return float(np.mean([self._step(rays.sort().values, upstream, *fixed) for rays in steps]))
 
     def _step(
@@ -139,7 +127,7 @@ class EncoderTraining:
             weight = features.length[packing.segment] * (1 + correction).square()
             light = weight * volume[features.voxel[packing.segment].long()]
             misfit = (packing.sum(light) - target[some]).square().sum() / (power * len(rays))
-            loss = misfit + PENALTY * correction.square().sum() / n_segments
+            loss = misfit + self.settings.penalty * correction.square().sum() / n_segments
             return loss.item(), torch.autograd.grad(loss, self.trained)
 
         done = self.map_chunks(of_chunk, micro_batches(counts))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import time
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +30,7 @@ from tomo.wernet.default.training import EncoderTraining
 from tomo.wernet.device import usable_device
 from tomo.wernet.encoder_file import load_encoder
 from tomo.wernet.micro_batches import chunk_map
+from tomo.wernet.settings import WernetSettings
 
 FEWEST_VIEWS = 3
 """Views that learning needs at least: whatever the weights, some volume reproduces two."""
@@ -48,8 +50,7 @@ def wernet(
     callback: Callback | None = None,
     encoder: str | Path | CorrectionEncoder | None = None,
     freeze_encoder: bool = False,
-    blocks: int = 2,
-    channels: int = 16,
+    settings: WernetSettings | None = None,
     checkpoint: str | Path | None = None,
     resume: bool = False,
     device: str | torch.device = "cpu",
@@ -81,8 +82,8 @@ def wernet(
         copied. A new one when None.
     freeze_encoder : bool
         Use the encoder without training it.
-    blocks, channels : int
-        Shape of a new encoder, see `CorrectionEncoder`.
+    settings : WernetSettings, optional
+        Shape of a new encoder, and its training.
     checkpoint : path, optional
         A file to write the state to after every outer iteration.
     resume : bool
@@ -119,11 +120,13 @@ def wernet(
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
     if freeze_encoder and encoder is None:
         raise ValueError("freeze_encoder: found no encoder to freeze, expected encoder as well")
+    asked = WernetSettings() if settings is None else settings
     record = _Record(callback)
     measured, place = check_measured(projector, measured), usable_device(device)
     features = RayFeatures.of(projector, place)
     if encoder is None:
-        name, own = None, CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
+        name: str | None = None
+        own = CorrectionEncoder(blocks=asked.blocks, channels=asked.channels, seed=seed)
         if len(projector.views_with_pixels) <= FEW_VIEWS:
             own.show_only(FEW_VIEW_FEATURES)
     elif isinstance(encoder, CorrectionEncoder):
@@ -131,7 +134,7 @@ def wernet(
     else:
         name, own = str(encoder), load_encoder(encoder, CorrectionEncoder)
     own = own.to(place)
-    settings = {
+    described = {
         "method": "wernet",
         "iterations": 0 if freeze_encoder else int(iterations),
         "weighted": weights is not None,
@@ -139,11 +142,12 @@ def wernet(
         "freeze_encoder": freeze_encoder,
         "device": str(device),
         "seed": seed,
+        **asdict(asked),
         **own.settings,
     }
     saved = None
     if checkpoint is not None:
-        saved = Checkpoint.of(checkpoint, settings, projector, measured)
+        saved = Checkpoint.of(checkpoint, described, projector, measured)
     state = saved.load() if saved and resume else None  # refused, if at all, before the work
     weights = check_weights(projector, weights)
     pixels = LeftOut.of(projector, measured, pixel_blocks, weights)
@@ -151,7 +155,7 @@ def wernet(
     classic = solve_as_chosen(projector, measured, choice, weights=weights)
     with chunk_map(place) as map_chunks:
         training = EncoderTraining(
-            features, measured, own, iterations=max(int(iterations), 1), seed=seed,
+            features, measured, own, settings=asked, iterations=max(int(iterations), 1), seed=seed,
             map_chunks=map_chunks, held=pixels.held,
         )  # fmt: skip
         limit = 1 if freeze_encoder else int(iterations)
@@ -164,7 +168,7 @@ def wernet(
             with errors_of_libraries(f"{saved.path}: {damaged}"):
                 outer.load_state_dict(state)
         outer.run(record.add, None if saved is None else lambda: saved.save(outer.state_dict()))
-    return _solution(outer, record, classic, settings)
+    return _solution(outer, record, classic, described)
 
 
 class _Record:

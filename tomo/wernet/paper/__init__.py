@@ -36,11 +36,10 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "encoder": ["VARIANTS", "WeightEncoder"],
+        "encoder": ["WeightEncoder"],
         "model": ["WERNet"],
         "product": ["packed_sum", "weighted_sum"],
         "samples": ["PackedBatch", "RaySamples", "SampleBatch", "epoch_batches"],
-        "settings": ["PaperSettings"],
         "wernet_paper": ["TrainingDivergedError", "wernet_paper"],
     },
 )

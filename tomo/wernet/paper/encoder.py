@@ -10,8 +10,7 @@ from torch.nn import functional
 
 from tomo.wernet.convolution import packed_convolution, seeded_convolution
 from tomo.wernet.paper.activation import SLOPE, normalised_rectified, rectified
-
-VARIANTS = ("no-bias", "bias-mask", "batch-norm")
+from tomo.wernet.settings import VARIANTS
 
 
 class _MaskedBatchNorm(nn.Module):

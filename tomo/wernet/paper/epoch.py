@@ -2,22 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import torch
 
 from tomo.wernet.micro_batches import ChunkMap, micro_batches, set_summed_gradients
 from tomo.wernet.paper.model import WERNet
-from tomo.wernet.paper.samples import PackedBatch, RaySamples, SampleBatch
+from tomo.wernet.paper.samples import RaySamples
 
 
 def train_epoch(
     model: WERNet,
     samples: RaySamples,
-    take: Callable[[torch.Tensor], PackedBatch | SampleBatch],
     batches: Iterator[torch.Tensor],
     optimiser: torch.optim.Optimizer,
+    loss: str,
     nonnegative: bool,
     map_chunks: ChunkMap,
 ) -> float:
@@ -29,12 +29,12 @@ def train_epoch(
     ----------
     model : WERNet
     samples : RaySamples
-    take : callable
-        ``samples.packed`` or ``samples.padded``.
     batches : iterator of (B,) int64
         The rays of each step.
     optimiser : torch.optim.Optimizer
         Its groups hold the parameters to train.
+    loss : {"squared", "absolute"}
+        The mean error of a step's rays that is made small.
     nonnegative : bool
         Set negative voxels to zero after every step.
     map_chunks : ChunkMap
@@ -45,16 +45,18 @@ def train_epoch(
     for rays in batches:
 
         def of_rays(some: torch.Tensor, size: int = len(rays)) -> tuple[float, Sequence]:
-            batch = take(some)
-            loss = (model(batch) - batch.measured).square().sum() / size
-            return loss.item(), torch.autograd.grad(loss, trained)
+            batch = samples.packed(some)
+            errors = model(batch) - batch.measured
+            squares = errors.square().sum()
+            mean = (squares if loss == "squared" else errors.abs().sum()) / size
+            return squares.item(), torch.autograd.grad(mean, trained)
 
-        if model.encoder.couples_rays or take == samples.padded:
+        if model.encoder.couples_rays:
             done = [of_rays(rays)]
         else:
             chunks = [rays[chunk] for chunk in micro_batches(samples.count[rays])]
             done = map_chunks(of_rays, chunks)
-        value = sum(loss for loss, _ in done)
+        value = sum(squares for squares, _ in done)
         if not np.isfinite(value):
             return float("nan")
         set_summed_gradients(trained, [gradients for _, gradients in done])
@@ -62,6 +64,6 @@ def train_epoch(
         if nonnegative:
             with torch.no_grad():
                 model.voxels.clamp_(min=0)
-        squared_error += value * len(rays)
+        squared_error += value
     squared_norm = float(samples.measured.square().sum())
     return (squared_error / squared_norm) ** 0.5 if squared_norm > 0 else 0.0

@@ -15,8 +15,7 @@ from tomo.trace import Segments
 from tomo.wernet.packing import Packing
 from tomo.wernet.paper.product import packed_sum, weighted_sum
 from tomo.wernet.ray_directions import ray_directions
-
-INPUTS = ("absolute", "relative")
+from tomo.wernet.settings import INPUTS
 
 Weigh = Callable[[torch.Tensor, torch.Tensor], torch.Tensor]
 """Weights of features and a mask: what `tomo.wernet.paper.WeightEncoder` does."""
@@ -285,14 +284,12 @@ class RaySamples:
 
 
 def epoch_batches(
-    n_rays: int, samples_per_batch: int, rays_per_sample: int, generator: torch.Generator
+    n_rays: int, rays_per_step: int, generator: torch.Generator
 ) -> Iterator[torch.Tensor]:
     """Yield the rays of each batch of one epoch: every ray once, in a random order.
 
-    A sample is ``rays_per_sample`` rays and a batch ``samples_per_batch`` samples, so one step
-    of the optimiser sees their product (the paper: 32 samples of 100 rays). The rays are dealt
-    out anew every epoch; the last batch is what is left. The numbers come from ``generator``, on
-    the CPU, so that the order does not depend on the device.
+    The rays are dealt out anew every epoch; the last batch is what is left. The numbers come from
+    ``generator``, on the CPU, so that the order does not depend on the device.
     """
     order = torch.randperm(n_rays, generator=generator)
-    yield from order.split(samples_per_batch * rays_per_sample)
+    yield from order.split(rays_per_step)

@@ -23,14 +23,10 @@ from tomo.wernet.paper.encoder import WeightEncoder
 from tomo.wernet.paper.epoch import train_epoch
 from tomo.wernet.paper.model import WERNet
 from tomo.wernet.paper.samples import RaySamples, epoch_batches
-from tomo.wernet.paper.settings import PaperSettings
+from tomo.wernet.settings import PaperSettings
 
 if TYPE_CHECKING:
     from tomo.operators import Projector
-
-_START = 0.1
-"""Upper end of the random initial voxels, the measurement's maximum being one. Larger: the first
-predictions are several times too large, and training ends far from the truth. Smaller: slower."""
 
 
 class TrainingDivergedError(FloatingPointError):
@@ -71,7 +67,7 @@ def wernet_paper(
         ``callback(index, volume, relative_residual)`` after every epoch, ``volume`` the active
         voxels, flat float32 in the units of the result; returning True stops.
     settings : PaperSettings, optional
-        Network and training; those of the paper when None.
+        Network and training; the reading that works when None, see `PaperSettings`.
     encoder : path or WeightEncoder, optional
         Start from this encoder: a file that `save_encoder` wrote, or one in memory, which is
         copied. A new one when None.
@@ -142,7 +138,7 @@ def wernet_paper(
     to_network = float(np.mean(grid.spacing)) / scale
     if start is not None:
         start = additive_start(projector, start, nonnegative=False)
-    voxels = _initial_voxels(samples, start, to_network, generator)
+    voxels = _initial_voxels(samples, start, to_network, settings.voxel_start, generator)
     model = WERNet(own, voxels, settings.normalise_gradient, freeze_encoder).to(place)
     model.train()
 
@@ -179,7 +175,13 @@ def _own_encoder(
 ) -> WeightEncoder:
     """Return a new encoder, a copy of the given one, or that of a file."""
     if given is None:
-        return WeightEncoder(settings.variant, blocks=settings.blocks, seed=seed)
+        own = WeightEncoder(
+            settings.variant, blocks=settings.blocks, channels=settings.channels, seed=seed
+        )
+        if settings.last_bias is not None and own.last.bias is not None:  # "no-bias" has none
+            with torch.no_grad():
+                own.last.bias.fill_(settings.last_bias)
+        return own
     if isinstance(given, WeightEncoder):
         return copy.deepcopy(given)
     return load_encoder(given, WeightEncoder)
@@ -203,14 +205,11 @@ def _train(
         groups.append({"params": model.encoder.parameters(), "lr": settings.encoder_learning_rate})
     optimiser = adam(groups, model.voxels.device)
     schedule = torch.optim.lr_scheduler.StepLR(optimiser, settings.halve_every, gamma=0.5)
-    take = samples.packed if settings.layout == "packed" else samples.padded
     with chunk_map(model.voxels.device) as map_chunks:
         for epoch in range(1, epochs + 1):
-            batches = epoch_batches(
-                len(samples), settings.samples_per_batch, settings.rays_per_sample, generator
-            )
+            batches = epoch_batches(len(samples), settings.rays_per_step, generator)
             residual = train_epoch(
-                model, samples, take, batches, optimiser, nonnegative, map_chunks
+                model, samples, batches, optimiser, settings.loss, nonnegative, map_chunks
             )
             if not np.isfinite(residual) and epoch == 1:
                 raise TrainingDivergedError(
@@ -229,12 +228,13 @@ def _initial_voxels(
     samples: RaySamples,
     start: NDArray[np.float32] | None,
     to_network: float,
+    highest: float,
     generator: torch.Generator,
 ) -> torch.Tensor:
     """Return the first voxels (voxels,) in the network's units."""
     if start is not None:
         return torch.from_numpy((start.astype(np.float64) * to_network).astype(np.float32))
-    random = _START * torch.rand(len(samples.index), generator=generator)
+    random = highest * torch.rand(len(samples.index), generator=generator)
     return random * samples.crossed().cpu()
 
 
