@@ -1,9 +1,9 @@
 import pytest
 import torch
 
-from tomo.wernet import load_encoder, save_encoder
+from tomo.wernet import VARIANTS, load_encoder, save_encoder
 from tomo.wernet.default import CorrectionEncoder
-from tomo.wernet.paper import VARIANTS, WeightEncoder
+from tomo.wernet.paper import WeightEncoder
 
 
 @pytest.mark.parametrize("variant", VARIANTS)

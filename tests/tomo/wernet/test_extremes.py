@@ -21,13 +21,9 @@ from tomo.metrics import cosine_similarity
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects
+from tomo.wernet import PaperSettings, WernetSettings
 from tomo.wernet.default import training, wernet
-from tomo.wernet.paper import (
-    PaperSettings,
-    TrainingDivergedError,
-    WeightEncoder,
-    wernet_paper,
-)
+from tomo.wernet.paper import TrainingDivergedError, WeightEncoder, wernet_paper
 
 GAIN_SPREAD = 0.1
 NO_WORSE = 1 + 1e-6  # factor by which the same volume may seem worse than itself
@@ -86,8 +82,8 @@ def test_another_seed_is_no_worse_than_the_classic_solve_nor_changes_the_light(s
 
 
 @contextmanager
-def trained_with(rate=None, rays=None):
-    """Train at another rate or with other batches; yield how many gradients were not finite."""
+def counted_gradients():
+    """Yield how many gradients there were, and how many of them were not finite."""
     counts = {"gradients": 0, "not finite": 0}
     plain = training.set_summed_gradients
 
@@ -96,23 +92,19 @@ def trained_with(rate=None, rays=None):
         counts["gradients"] += len(parameters)
         counts["not finite"] += sum(not p.grad.isfinite().all() for p in parameters)
 
-    with (
-        patch.object(training, "set_summed_gradients", counted),
-        patch.object(training, "LEARNING_RATE", rate or training.LEARNING_RATE),
-        patch.object(training, "RAYS_PER_STEP", rays or training.RAYS_PER_STEP),
-    ):
+    with patch.object(training, "set_summed_gradients", counted):
         yield counts
 
 
 @pytest.mark.parametrize(
     "how",
-    [{"rate": 0.01 * training.LEARNING_RATE}, {"rate": 100 * training.LEARNING_RATE},
-     {"rays": 10}, {"rays": 1 << 20}],
+    [{"learning_rate": 3e-5}, {"learning_rate": 0.3}, {"rays_per_step": 10},
+     {"rays_per_step": 1 << 20}],
     ids=str,
 )  # fmt: skip
 def test_no_rate_or_batch_is_worse_than_the_classic_solve(seen, classic, how):
-    with trained_with(**how) as counts:
-        found = wernet(seen.projector, seen.measured, iterations=2)
+    with counted_gradients() as counts:
+        found = wernet(seen.projector, seen.measured, iterations=2, settings=WernetSettings(**how))
     assert_no_worse(found, seen, classic)
     assert counts["gradients"] > 0 == counts["not finite"]
 
@@ -120,8 +112,8 @@ def test_no_rate_or_batch_is_worse_than_the_classic_solve(seen, classic, how):
 def test_the_rate_of_learning_is_what_is_asked_for(seen):
     residuals = []
     for rate in (3e-3, 0.3):
-        with trained_with(rate=rate):
-            found = wernet(seen.projector, seen.measured, iterations=1)
+        settings = WernetSettings(learning_rate=rate)
+        found = wernet(seen.projector, seen.measured, iterations=1, settings=settings)
         residuals.append(found.history[1].relative_residual)
     assert residuals[0] != residuals[1]
 
@@ -161,9 +153,8 @@ def filled(value):
 PAPER = {
     "slow": {"voxel_learning_rate": 1e-4, "encoder_learning_rate": 5e-6},
     "fast": {"voxel_learning_rate": 1.0, "encoder_learning_rate": 0.05},
-    "one batch": {"rays_per_sample": 1 << 20, "samples_per_batch": 1, "iterations": 1},
-    "32 batches in one": {"rays_per_sample": 1 << 20, "samples_per_batch": 32, "iterations": 1},
-    "small batches": {"rays_per_sample": 10, "samples_per_batch": 32, "iterations": 1},
+    "one batch": {"rays_per_step": 1 << 20, "iterations": 1},
+    "small batches": {"rays_per_step": 100, "iterations": 1},
     "weights of 30": {"encoder": 30.0},
     "weights of 1e10": {"encoder": 1e10},
     "weights of 1e30": {"encoder": 1e30},

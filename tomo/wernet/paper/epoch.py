@@ -2,24 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 
 import numpy as np
 import torch
 
 from tomo.wernet.micro_batches import ChunkMap, micro_batches, set_summed_gradients
 from tomo.wernet.paper.model import WERNet
-from tomo.wernet.paper.samples import RaySamples
+from tomo.wernet.paper.samples import PackedBatch, RaySamples, SampleBatch
 
 
 def train_epoch(
     model: WERNet,
     samples: RaySamples,
+    take: Callable[[torch.Tensor], PackedBatch | SampleBatch],
     batches: Iterator[torch.Tensor],
     optimiser: torch.optim.Optimizer,
-    loss: str,
     nonnegative: bool,
     map_chunks: ChunkMap,
+    loss: str = "squared",
 ) -> float:
     """Use every ray once; return the relative residual of the predictions made on the way.
 
@@ -29,29 +30,31 @@ def train_epoch(
     ----------
     model : WERNet
     samples : RaySamples
+    take : callable
+        ``samples.packed`` or ``samples.padded``.
     batches : iterator of (B,) int64
         The rays of each step.
     optimiser : torch.optim.Optimizer
         Its groups hold the parameters to train.
-    loss : {"squared", "absolute"}
-        The mean error of a step's rays that is made small.
     nonnegative : bool
         Set negative voxels to zero after every step.
     map_chunks : ChunkMap
         See `tomo.wernet.micro_batches.chunk_map`.
+    loss : {"squared", "absolute"}
+        The mean error of a step's rays that is made small.
     """
     trained = [parameter for group in optimiser.param_groups for parameter in group["params"]]
     squared_error = 0.0
     for rays in batches:
 
         def of_rays(some: torch.Tensor, size: int = len(rays)) -> tuple[float, Sequence]:
-            batch = samples.packed(some)
+            batch = take(some)
             errors = model(batch) - batch.measured
             squares = errors.square().sum()
             mean = (squares if loss == "squared" else errors.abs().sum()) / size
             return squares.item(), torch.autograd.grad(mean, trained)
 
-        if model.encoder.couples_rays:
+        if model.encoder.couples_rays or take == samples.padded:
             done = [of_rays(rays)]
         else:
             chunks = [rays[chunk] for chunk in micro_batches(samples.count[rays])]

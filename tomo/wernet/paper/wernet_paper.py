@@ -209,8 +209,9 @@ def _train(
         for epoch in range(1, epochs + 1):
             batches = epoch_batches(len(samples), settings.rays_per_step, generator)
             residual = train_epoch(
-                model, samples, batches, optimiser, settings.loss, nonnegative, map_chunks
-            )
+                model, samples, samples.packed, batches, optimiser, nonnegative, map_chunks,
+                settings.loss,
+            )  # fmt: skip
             if not np.isfinite(residual) and epoch == 1:
                 raise TrainingDivergedError(
                     "wernet-paper: epoch 1: loss: found NaN or infinity, expected a finite "

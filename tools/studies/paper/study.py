@@ -97,7 +97,7 @@ def run_rows(wanted: Iterable[Row], out: Path, size: str) -> dict[str, Any]:
 
 
 def write_page(result: Mapping[str, Any], out: Path, changed: str) -> None:
-    """Write ``paper.md`` from the rows that are done, and the pictures of the part that changed."""
+    """Write ``paper.md`` from the rows that are done, and the picture of the part that changed."""
     rows = {name: result["rows"][name] for name in ROWS if name in result["rows"]}
     lines = ["# The WERNet paper, run again", "", f"Size {result['size']}. {len(rows)} rows of "
              f"{len(ROWS)} are done.", "", "## Claims", ""]  # fmt: skip

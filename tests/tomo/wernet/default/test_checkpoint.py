@@ -14,7 +14,7 @@ import torch
 from tomo.operators import Projector
 from tomo.selection import choose
 from tomo.trace import Segments
-from tomo.wernet import save_encoder
+from tomo.wernet import WernetSettings, save_encoder
 from tomo.wernet.default import CorrectionEncoder, wernet
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
@@ -203,7 +203,13 @@ def test_a_checkpoint_of_another_problem_is_refused(scene, present, written, cha
 
 
 @pytest.mark.parametrize(
-    "settings", [{"seed": 1}, {"iterations": 2}, {"channels": 8}, {"blocks": 1}]
+    "settings",
+    [
+        {"seed": 1},
+        {"iterations": 2},
+        {"settings": WernetSettings(channels=8)},
+        {"settings": WernetSettings(penalty=1e-2)},
+    ],
 )
 def test_a_checkpoint_of_other_settings_is_refused(scene, present, settings):
     one = scene(shading=SHADING)

@@ -2,8 +2,8 @@ import pytest
 import torch
 from torch import nn
 
-from tomo.wernet import Packing
-from tomo.wernet.paper import VARIANTS, WeightEncoder
+from tomo.wernet import VARIANTS, Packing
+from tomo.wernet.paper import WeightEncoder
 
 
 def _rays(counts=(9, 4, 1), width=9, seed=0):
