@@ -61,7 +61,7 @@ def test_the_settings_that_come_along_are_the_working_ones_and_the_text_s():
         (
             PaperSettings,
             "voxel_learning_rate: -1",
-            "voxel_learning_rate: found -1, expected a fin",
+            "voxel_learning_rate: found -1, expected a fi",
         ),
         (PaperSettings, "encoder_learning_rate: x", "encoder_learning_rate: found 'x', expected"),
         (WernetSettings, "variant: no-bias", "'variant': found a field that WernetSettings has n"),
@@ -83,7 +83,7 @@ def test_a_bad_file_is_refused_in_one_line_that_names_file_and_field(tmp_path, k
 
 
 def test_a_name_that_is_neither_a_file_nor_known_is_refused():
-    with pytest.raises(FileNotFoundError, match="nothing: no such .* are paper, paper-text"):
+    with pytest.raises(FileNotFoundError, match=r"nothing: no such .* are paper, paper-text"):
         load_settings("nothing", PaperSettings)
 
 

@@ -17,7 +17,7 @@ from rigs.progress import progress_of
 from studies.common.machine import machine
 from studies.common.page import markdown, significant
 from studies.paper.claims import CLAIMS
-from studies.paper.pictures import draw_convergence, picture_of
+from studies.paper.pictures import draw, pictures_of
 from studies.paper.rows import HALF, PARTS, READING_EPOCHS, ROWS, TINY, Row
 from studies.paper.training import measured_row
 from tomo.cli.console import print_json, say
@@ -109,9 +109,10 @@ def write_page(result: Mapping[str, Any], out: Path, changed: str) -> None:
         lines += ["", f"## {title}", "", markdown(done, COLUMNS[part]), ""]
         lines += [f"    {record['command']}" for record in done]
         if part == changed:
-            draw_convergence(part, rows, out)
-        if (out / picture_of(part)).is_file():
-            lines += ["", f"![{title}]({picture_of(part)})"]
+            draw(part, {name: _of_size(ROWS[name], result["size"]) for name in rows}, rows, out)
+        for picture in pictures_of(part):
+            if (out / picture).is_file():
+                lines += ["", f"![{title}]({picture})"]
     with atomic_path(out / "paper.md") as temporary:
         temporary.write_text("\n".join(lines) + "\n", "utf-8")
 
