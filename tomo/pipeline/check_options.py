@@ -235,8 +235,9 @@ def settings_of(options: Options) -> PaperSettings | WernetSettings | None:
 
     if options.wernet_settings is None:
         return None
-    kind = WernetSettings if options.method == "wernet" else PaperSettings
-    return load_settings(options.wernet_settings, kind)
+    if options.method == "wernet":
+        return load_settings(options.wernet_settings, WernetSettings)
+    return load_settings(options.wernet_settings, PaperSettings)
 
 
 def _can_use(method: Method, name: str) -> bool:
