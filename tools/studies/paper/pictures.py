@@ -44,8 +44,9 @@ def draw(part: str, rows: Mapping[str, Row], records: Records, out: Path) -> Non
         The folder with ``volumes``, where the pictures go as well.
     """
     own = [name for name in records if ROWS[name].part == part]
+    base = ["jet"] if part == "ablation" and "jet" in records else []
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
-    for name in own:
+    for name in (*base, *own):
         if not records[name]["art"]:
             points = [(epoch, distance) for epoch, distance, _ in records[name]["curve"]]
             panels.setdefault(records[name]["flame"], {})[name] = points
