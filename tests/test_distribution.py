@@ -61,9 +61,9 @@ def test_the_wheel_holds_the_packages_and_their_data_alone(built):
     wanted = set()
     for folder in ("tomo", "rigs", "phantoms"):
         wanted |= names_beside(folder, "*.py") | {f"{folder}/py.typed"}
-    wanted |= names_beside("tomo/draw/templates", "*.html") | names_beside(
-        "rigs/presets", "*.yaml"
-    )
+    wanted |= names_beside("tomo/draw/templates", "*.html")
+    wanted |= names_beside("rigs/presets", "*.yaml")
+    wanted |= names_beside("tomo/wernet/settings_files", "*.yaml")
     assert names == wanted
     (entry_points,) = (text for name, text in texts.items() if name.endswith("entry_points.txt"))
     assert b"flametomo = tomo.cli:main" in entry_points

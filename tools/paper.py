@@ -12,10 +12,11 @@ if TYPE_CHECKING:
 
 def app() -> typer.Typer:
     """Return the command line; it imports libraries once signals are handled."""
-    from studies.common.study import command
-    from studies.paper import STUDY
+    from studies.paper import study
 
-    return command(STUDY)
+    from tomo.cli.usage import command_line
+
+    return command_line(study.run, "paper", help="The WERNet paper, run again.")
 
 
 if __name__ == "__main__":

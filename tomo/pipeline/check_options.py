@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 from rigs.aperture import check_apertures
 from tomo.grid import VoxelGrid
@@ -16,7 +16,13 @@ from tomo.pipeline.peak import check_peak
 from tomo.scan import Scan
 from tomo.uncertainty import AUTO_REPEATS
 
+if TYPE_CHECKING:
+    from tomo.wernet.settings import PaperSettings, WernetSettings
+
 _ALL, _NOMINAL, _NONE = "all", "nominal", "none"
+_LEARNING = (
+    "wernet_settings", "encoder", "freeze_encoder", "save_encoder", "checkpoint", "resume",
+)  # fmt: skip
 
 
 def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
@@ -206,7 +212,7 @@ def _check_device(device: str, methods: list[Method]) -> None:
 
 def _check_learning(options: Options, method: Method) -> None:
     """Refuse options about learning for a method that learns nothing of the kind."""
-    for name in ("encoder", "freeze_encoder", "save_encoder", "checkpoint", "resume"):
+    for name in _LEARNING:
         value = getattr(options, name)
         if value and not _can_use(method, name):
             able = [one for one in method_names() if _can_use(method_named(one), name)]
@@ -214,11 +220,30 @@ def _check_learning(options: Options, method: Method) -> None:
                 f"{name}: found {value!s}, expected none for method {method.name}: "
                 f"only {' and '.join(able)} can use it"
             )
+    settings_of(options)
+
+
+def settings_of(options: Options) -> PaperSettings | WernetSettings | None:
+    """Return what the file of ``wernet_settings`` holds, for the method of the reconstruction.
+
+    Raises
+    ------
+    FileNotFoundError, ValueError
+        In one line that names the file and the field.
+    """
+    from tomo.wernet.settings import PaperSettings, WernetSettings, load_settings
+
+    if options.wernet_settings is None:
+        return None
+    if options.method == "wernet":
+        return load_settings(options.wernet_settings, WernetSettings)
+    return load_settings(options.wernet_settings, PaperSettings)
 
 
 def _can_use(method: Method, name: str) -> bool:
     """Tell whether a method can use an option about learning."""
-    return method.needs_midpoints if name == "save_encoder" else method.takes(name)
+    both = name in ("save_encoder", "wernet_settings")
+    return method.needs_midpoints if both else method.takes(name)
 
 
 def _check_hold_out(options: Options, scan: Scan) -> None:

@@ -270,6 +270,14 @@ class Options(Declared, gone=GONE):
         expert=True,
         metavar="DEVICE",
     )
+    wernet_settings: str | None = option(
+        None,
+        "Network and training of wernet or wernet-paper: a YAML file with fields of "
+        "WernetSettings or PaperSettings, or one of those that come along: paper, paper-text, the "
+        "paper's own figures.",
+        path(),
+        expert=True,
+    )
     encoder: str | None = option(
         None,
         "The encoder file that wernet or wernet-paper starts from; a new one by default.",

@@ -17,6 +17,7 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.check_options import settings_of
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
 from tomo.pipeline.options import Options
@@ -232,6 +233,8 @@ def _arguments(
     """Return the arguments of a method's solver."""
     names = ("device", "encoder", "freeze_encoder", "checkpoint", "resume")
     learning = {name: getattr(options, name) for name in names if method.takes(name)}
+    if method.name == options.method:
+        learning["settings"] = settings_of(options)
     if method.starts_from_default:
         learning["weights"] = built.weights
         learning["pixel_blocks"] = built.system.blocks(BLOCK)

@@ -1,7 +1,7 @@
 """WERNet as a method among others: its learned weights, and the options that it alone takes."""
 
 import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 from tomo.simulation.camera_noise import gaussian
 from tomo.simulation.effects import Effects
-from tomo.wernet import load_encoder
+from tomo.wernet import PaperSettings, load_encoder, load_settings
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -104,6 +104,11 @@ def test_wernet_of_dark_images_is_empty(copy):
     [
         ({"encoder": "x.pt"}, "encoder: found x.pt, expected none for method sirt"),
         ({"freeze_encoder": True}, "freeze_encoder: found True, expected none for method sirt"),
+        (
+            {"wernet_settings": "paper"},
+            "wernet_settings: found paper, expected none for method sirt: only wernet and "
+            "wernet-paper can use it",
+        ),
         ({"checkpoint": "x.pt"}, "checkpoint: found x.pt, expected none for method sirt"),
         ({"resume": True}, "resume: found True, expected none for method sirt: only wernet-p"),
     ],
@@ -111,6 +116,28 @@ def test_wernet_of_dark_images_is_empty(copy):
 def test_options_of_wernet_are_refused_elsewhere(folder, settings, words):
     with pytest.raises(ValueError, match=words):
         reconstruct(load_scan(folder), options=Options(**SIRT, **settings))
+
+
+@pytest.mark.parametrize("given", ["paper-text", "own.yaml"])
+def test_the_paper_s_method_takes_its_settings_from_a_file(folder, tmp_path, monkeypatch, given):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.yaml").write_text("channels: 4\nloss: absolute\n")
+    options = Options(method="wernet-paper", iterations=1, wernet_settings=given)
+    found = reconstruct(load_scan(folder).scaled(2), options=options)
+    asked = asdict(load_settings(given, PaperSettings))
+    assert asked != asdict(PaperSettings())
+    assert {name: found.report()["solver"][name] for name in asked} == asked
+
+
+def test_wernet_takes_its_settings_from_a_file_before_images_are_read(folder, tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text("channels: 4\nblocks: 1\n")
+    options = {"method": "wernet", "iterations": 0, "wernet_settings": path}
+    found = reconstruct(load_scan(folder).scaled(2), options=Options(**options))
+    assert (found.report()["solver"]["blocks"], found.report()["solver"]["channels"]) == (1, 4)
+    path.write_text("variant: batch-norm\n")
+    with pytest.raises(ValueError, match=r"own\.yaml: 'variant': found a field that Wernet"):
+        reconstruct(load_scan(folder).without("cam00"), options=Options(**options))
 
 
 def test_the_trained_encoder_is_saved_on_request(folder, tmp_path):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from dataclasses import dataclass, replace
 from functools import lru_cache
 
@@ -11,7 +10,6 @@ from numpy.typing import NDArray
 
 import phantoms
 import rigs
-from studies.paper.sizes import Problem
 from tomo import LinearSystem, VoxelGrid
 from tomo.hull import carve
 from tomo.simulation import camera_noise
@@ -20,17 +18,54 @@ NOISE = 0.10
 """Standard deviation of the noise over the images' maximum."""
 
 SEED = 0
+"""Seed of flames and noise."""
 
-SHIFTED = "_shifted"
-"""At the end of a layout's name: the images' first row is cut off before they are shrunk."""
+FINE = 2 / 3
+"""Width of a pixel in voxels, in the middle of the grid. The text has 96 steps of 3200 rays in an
+epoch, 307,200 rays of 33 views: 9,309 a view, with which a pixel of a box of 30 x 140 voxels is
+0.67 voxels wide."""
 
-FINER = "_finer"
-"""At the end of a layout's name: the images are shrunk half as much, pixels half as wide."""
+
+@dataclass(frozen=True)
+class Layout:
+    """Cameras on a circle, all looking at the middle of the flame from 5.5 to 6.5 m.
+
+    Attributes
+    ----------
+    views : int
+    step : float
+        Degrees from a view to the next.
+    pitched : bool
+        Views are 15 degrees above and below the level of the middle in turns.
+    random : bool
+        Distances are drawn evenly from 5500 to 6500 mm; all are 5800 mm otherwise.
+    pixel : float
+        Width of a pixel in voxels.
+    row : float
+        By how many rows the images' middle is off the middle of the flame. A quarter keeps rows of
+        `FINE` pixels of level cameras off the faces between voxel layers.
+    """
+
+    views: int = 33
+    step: float = 11.0
+    pitched: bool = True
+    random: bool = True
+    pixel: float = FINE
+    row: float = 0.25
 
 
-LARGER = " x"
-"""Before a number at the end of a flame's name: the flame is so many times as large as the box,
-which shows its middle: wrinkles and front are wider by as much."""
+LAYOUTS = {
+    "case 1, level": Layout(pitched=False, random=False),
+    "case 2, pitched": Layout(random=False),
+    "case 3, pitched, random distances": Layout(),
+    "11 views of 11 degrees": Layout(11),
+    "11 views of 22 degrees": Layout(11, 22.0),
+    "11 views of 33 degrees": Layout(11, 33.0),
+    "case 1, rows on faces": Layout(pitched=False, random=False, pixel=1.0, row=0.5),
+}
+"""In the last one every image row falls on a face between two voxel layers, in all views alike."""
+
+CASE_3 = "case 3, pitched, random distances"
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,9 +74,6 @@ class Case:
 
     Attributes
     ----------
-    flame, layout : str
-    noise : float
-        Fraction of the images' maximum.
     truth : (nx, ny, nz) float32
     system : LinearSystem
         Of the pixels and voxels that carving left, with midpoints.
@@ -49,85 +81,72 @@ class Case:
     whole : LinearSystem
         Of all pixels and voxels.
     images : list of (height, width) float32
-    seconds : float
-        That carving and tracing took.
     """
 
-    flame: str
-    layout: str
-    noise: float
     truth: NDArray[np.float32]
     system: LinearSystem
     measured: NDArray[np.float32]
     whole: LinearSystem
     images: list[NDArray[np.float32]]
-    seconds: float
 
-    def described(self) -> dict[str, str | float | int]:
-        """Return what tells this case from others, and how large it is."""
+    def described(self) -> dict[str, int]:
+        """Return how large the case is."""
         projector = self.system.projector
         return {
-            "flame": self.flame,
-            "layout": self.layout,
-            "views": len(self.system.rig),
-            "noise": self.noise,
             "rays": int(np.count_nonzero(np.diff(projector.segments.ptr))),
             "segments": projector.n_segments,
             "live_voxels": projector.active.size,
-            "prepare_seconds": self.seconds,
         }
 
 
-def grid_of(problem: Problem) -> VoxelGrid:
-    """Return the voxels of a problem."""
-    return VoxelGrid(problem.grid_shape, problem.spacing)
-
-
 @lru_cache(maxsize=8)
-def truth_of(flame: str, problem: Problem) -> NDArray[np.float32]:
+def truth_of(flame: str, grid: VoxelGrid) -> NDArray[np.float32]:
     """Return a phantom at the middle of every voxel."""
-    grid = grid_of(problem)
-    name, _, times = flame.partition(LARGER)
-    extent = float(times or 1) * np.asarray(grid.extent)
-    field = phantoms.create(name, SEED, extent, grid.center)
+    field = phantoms.create(flame, SEED, grid.extent, grid.center)
     truth = np.asarray(phantoms.sample(field, grid), np.float32)
     truth.flags.writeable = False
     return truth
 
 
 @lru_cache(maxsize=2)
-def case(flame: str, layout: str, problem: Problem, fraction: float = 0.0) -> Case:
+def case(flame: str, layout: str, grid: VoxelGrid, noise: float = 0.0) -> Case:
     """Return a flame seen by one of the paper's layouts.
 
-    The images are the true voxels' own projection, through chord lengths, as in the paper: what
-    is left of an error afterwards is the method's. ``fraction`` adds white noise of that part of
-    the images' maximum.
+    The images are the true voxels' own projection, through segment lengths, as in the paper: an
+    error that is left afterwards is the method's. ``noise`` adds white noise of that part of the
+    images' maximum.
     """
-    rig = _rig(layout, problem.shrink)
-    grid, truth = grid_of(problem), truth_of(flame, problem)
+    rig, truth = rig_of(LAYOUTS[layout], grid), truth_of(flame, grid)
     whole = LinearSystem.from_rig(rig, grid, form="stored")
     images = whole.images(whole.projector @ truth.reshape(-1))
-    if fraction:
-        images = camera_noise.gaussian(images, fraction, np.random.default_rng(SEED))
-    started = time.perf_counter()
+    if noise:
+        images = camera_noise.gaussian(images, noise, np.random.default_rng(SEED))
     carving = carve(tuple(rig), images, None, grid)
     system = LinearSystem.from_rig(
         rig, grid, masks=carving.pixels, active=carving.active, midpoints=True, form="stored"
     )
-    measured = system.flatten(images)
-    seconds = time.perf_counter() - started
-    return Case(flame, layout, fraction, truth, system, measured, whole, images, seconds)
+    return Case(truth, system, system.flatten(images), whole, images)
 
 
-def _rig(layout: str, shrink: int) -> rigs.Rig:
-    if layout.endswith(FINER):
-        return _rig(layout.removesuffix(FINER), shrink // 2)
-    rig = rigs.preset(layout.removesuffix(SHIFTED))
-    cameras = list(rig)
-    if layout.endswith(SHIFTED):
-        sizes = [camera.image_size for camera in cameras]
-        cameras = [
-            camera.cropped(0, 1, width, height - 1)
-            for camera, (width, height) in zip(cameras, sizes, strict=True)
-        ]
-    return replace(rig, cameras=tuple(camera.shrunk(shrink) for camera in cameras))
+def rig_of(layout: Layout, grid: VoxelGrid) -> rigs.Rig:
+    """Return the cameras of a layout; every image holds the whole grid."""
+    views, distance = layout.views, 5800.0
+    distances = np.full(views, distance)
+    if layout.random:
+        distances = np.random.default_rng(2024).uniform(5500.0, 6500.0, 33)[:views]
+    pitch = np.where(np.arange(views) % 2 == 0, 15.0, -15.0) * layout.pitched
+    lens = {
+        "focal_length": distance,
+        "pixel_pitch": layout.pixel * float(np.mean(grid.spacing)),
+        "pitch_degrees": pitch,
+    }
+    box = rigs.Volume(grid.shape, float(np.mean(grid.spacing)))
+    reach = np.zeros(2)  # pixels from the middle to the farthest corner
+    for camera in rigs.ring(views, layout.step, distances, image_size=(2, 2), **lens):
+        corners, _, _ = camera.project(box.corners())
+        reach = np.maximum(reach, np.abs(corners - 0.5).max(axis=0))
+    width, height = (2 * (int(size) + 2) for size in reach)
+    rig = rigs.ring(views, layout.step, distances, image_size=(width, height), **lens)
+    shift = np.array([[0.0, 0, 0], [0, 0, layout.row], [0, 0, 0]])
+    moved = (replace(one, camera_matrix=one.camera_matrix + shift) for one in rig)
+    return replace(rig, cameras=tuple(moved))

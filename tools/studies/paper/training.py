@@ -1,164 +1,157 @@
-"""One training of WERNet on a case: its way epoch by epoch, and where it ended."""
+"""One row: a training of the network or a run of ART, and what came of it."""
 
 from __future__ import annotations
 
-import copy
 import time
-from dataclasses import asdict, dataclass
-from functools import lru_cache
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
+import yaml
 from numpy.typing import NDArray
 
-from studies.paper.cases import SEED, case
-from studies.paper.sizes import Problem
-from tomo import metrics
-from tomo.wernet.paper import (
+from rigs.files import atomic_path
+from rigs.files.text import write_text
+from studies.paper.cases import Case, case
+from studies.paper.rows import Row
+from tomo import LinearSystem, metrics, solvers
+from tomo.wernet import (
     PaperSettings,
     TrainingDivergedError,
-    WeightEncoder,
+    load_settings,
+    save_encoder,
     wernet_paper,
 )
 
+_RELAXATIONS = (0.01, 0.03, 0.1, 0.3)
+_PLAIN_RELAXATION, _PLAIN_SWEEPS = 1.0, 10
+_MOST_SWEEPS, _PATIENCE = 40, 5
 
-@dataclass(frozen=True)
-class Reading:
-    """What the paper leaves open, decided; and what its experiments vary.
+Say = Callable[[int, int, str], None]
 
-    Attributes
+
+def measured_row(row: Row, out: Path, say: Say) -> dict[str, Any]:
+    """Do a row; write its settings, volume and encoder to ``out``, and return its figures.
+
+    Parameters
     ----------
-    variant, inputs, blocks, samples_per_batch, normalise_gradient
-        As in `tomo.wernet.paper.PaperSettings`.
-    voxel_learning_rate, encoder_learning_rate
-        The paper's are 0.01 and 0.0005.
-    first_bias : float or None
-        What the bias of the last convolution starts at; the square of it is then what most
-        weights start near. None: PyTorch's random one, near zero, where a square is flat.
-    seed : int
-        Of the encoder, the first voxels and the order of the rays.
+    row : Row
+        Where it starts from another row's encoder, ``out`` holds that already.
+    out : Path
+        ``settings/ROW.yaml``, ``volumes/ROW.npy`` and ``encoders/ROW.pt`` are written.
+    say : callable
+        ``say(done, total, what)`` after each epoch or sweep.
+
+    Returns
+    -------
+    dict
+        Numbers, words and ``curve``: a list of (epoch or sweep, cosine distance, relative
+        residual).
     """
-
-    variant: str = "bias-mask"
-    inputs: str = "relative"
-    blocks: int = 3
-    samples_per_batch: int = 2
-    normalise_gradient: bool = True
-    voxel_learning_rate: float = 0.01
-    encoder_learning_rate: float = 0.005
-    first_bias: float | None = 0.5
-    seed: int = SEED
-
-    def encoder(self) -> WeightEncoder:
-        """Return an encoder that has not been trained; "no-bias" has no bias to set."""
-        encoder = WeightEncoder(self.variant, blocks=self.blocks, seed=self.seed)
-        if self.first_bias is not None and encoder.last.bias is not None:
-            with torch.no_grad():
-                encoder.last.bias.fill_(self.first_bias)
-        return encoder
-
-    def settings(self) -> PaperSettings:
-        """Return the settings of the training; the encoder is built by `encoder`."""
-        own = asdict(self)
-        del own["first_bias"], own["seed"]
-        return PaperSettings(**own)
-
-
-@dataclass(frozen=True)
-class Source:
-    """A case whose training gives the encoder that another starts from.
-
-    Attributes
-    ----------
-    flame, layout : str
-    epochs : int
-    """
-
-    flame: str
-    layout: str
-    epochs: int
-
-
-def trained(
-    flame: str,
-    layout: str,
-    problem: Problem,
-    epochs: int,
-    reading: Reading,
-    noise: float = 0.0,
-    source: Source | None = None,
-    freeze: bool = False,
-) -> dict[str, Any]:
-    """Train on one case and return what happened, as a row.
-
-    The row holds the case and the reading, ``curves``: a list of (epoch, cosine distance,
-    relative residual), the last and the best cosine distance, and seconds. The same training is
-    done once only.
-    """
-    row, _ = row_and_encoder(flame, layout, problem, epochs, reading, noise, source, freeze)
-    return copy.deepcopy(row)
-
-
-@lru_cache(maxsize=64)
-def row_and_encoder(
-    flame: str,
-    layout: str,
-    problem: Problem,
-    epochs: int,
-    reading: Reading,
-    noise: float = 0.0,
-    source: Source | None = None,
-    freeze: bool = False,
-) -> tuple[dict[str, Any], WeightEncoder]:
-    """Do what `trained` says; return the encoder as well, not to be trained further."""
-    encoder = reading.encoder()
-    if source is not None:
-        # All arguments: those left out would be another entry of the cache.
-        _, other = row_and_encoder(
-            source.flame, source.layout, problem, source.epochs, reading, 0.0, None, False
-        )
-        encoder = copy.deepcopy(other)
-    seen = case(flame, layout, problem, noise)
+    seen = case(row.flame, row.layout, row.grid, row.noise)
     course: list[tuple[int, float, float]] = []
-    volume = np.zeros_like(seen.truth)
+    best: tuple[float, NDArray[np.float32]] = np.inf, np.zeros_like(seen.truth)
+    own = row.art == "best"
 
-    def judge(epoch: int, active: NDArray[np.float32], residual: float) -> None:
-        nonlocal volume
-        volume = seen.system.projector.active.expand(active).reshape(seen.truth.shape)
-        course.append((epoch, metrics.cosine_distance(volume, seen.truth), residual))
+    def judge(index: int, volume: NDArray[np.float32], residual: float) -> bool:
+        nonlocal best
+        found = _system(row, seen).projector.active.expand(volume).reshape(seen.truth.shape)
+        distance = metrics.cosine_distance(found, seen.truth)
+        course.append((index, distance, residual))
+        if not own or distance < best[0]:
+            best = distance, found
+        say(index, row.epochs, f"{row.name}: {distance:.3g}")
+        return own and _is_past_best(course)
 
     started, worked = time.perf_counter(), time.process_time()
-    try:
-        found = wernet_paper(
-            seen.system.projector,
-            seen.measured,
-            iterations=epochs,
-            callback=judge,
-            encoder=encoder,
-            freeze_encoder=freeze,
-            seed=reading.seed,
-            settings=reading.settings(),
-        )
-        end, encoder = found.stop_reason, found.encoder or encoder
-    except TrainingDivergedError as error:
-        end = str(error)
+    how = _by_art(row, seen, course, judge) if row.art else _by_network(row, seen, out, judge)
     seconds, work = time.perf_counter() - started, time.process_time() - worked
+    volume = best[1]
+    with atomic_path(out / "volumes" / f"{row.name}.npy") as place, place.open("wb") as file:
+        np.save(file, volume)
     distances = [distance for _, distance, _ in course]
-    row = {
+    last = metrics.cosine_distance(volume, seen.truth) if course else 1.0
+    return {
+        "flame": row.flame,
+        "layout": row.layout,
+        "noise": row.noise,
+        "seed": row.seed,
+        "encoder_of": row.encoder_of or None,
+        "frozen": row.frozen,
+        "epochs": row.epochs,
+        "art": row.art or None,
         **seen.described(),
-        **asdict(reading),
-        "encoder_of": source.flame if source else None,
-        "frozen": freeze,
-        "epochs": epochs,
-        "end": end,
-        "curves": course,
-        "cosine_distance": distances[-1] if distances else 1.0,
+        **how,
+        "cosine_distance": last,
         "best_cosine_distance": min(distances, default=1.0),
         "best_epoch": int(np.argmin(distances)) + 1 if distances else None,
         "nrmse": metrics.nrmse(volume, seen.truth),
         "seconds": seconds,
         "core_seconds_per_epoch": work / max(len(course), 1),
-        "steps_per_epoch": -(-seen.described()["rays"] // (100 * reading.samples_per_batch)),
+        "curve": course,
     }
-    return row, encoder
+
+
+def written_settings(row: Row, out: Path) -> PaperSettings:
+    """Write the settings of a row to a file that ``--wernet-settings`` takes; read them back."""
+    path = out / "settings" / f"{row.name}.yaml"
+    write_text(path, yaml.safe_dump(asdict(row.settings), sort_keys=False))
+    return load_settings(path, PaperSettings)
+
+
+def _by_network(row: Row, seen: Case, out: Path, judge: Callable[..., bool]) -> dict[str, Any]:
+    settings = written_settings(row, out)
+    try:
+        found = wernet_paper(
+            seen.system.projector,
+            seen.measured,
+            iterations=row.epochs,
+            callback=judge,
+            settings=settings,
+            encoder=out / "encoders" / f"{row.encoder_of}.pt" if row.encoder_of else None,
+            freeze_encoder=row.frozen,
+            seed=row.seed,
+        )
+        end = found.stop_reason
+        if found.encoder is not None:
+            save_encoder(found.encoder, out / "encoders" / f"{row.name}.pt")
+    except TrainingDivergedError as error:
+        end = str(error)
+    steps = -(-seen.described()["rays"] // settings.rays_per_step)
+    return {"end": end, **asdict(settings), "steps_per_epoch": steps}
+
+
+def _by_art(
+    row: Row, seen: Case, course: list[tuple[int, float, float]], judge: Callable[..., bool]
+) -> dict[str, Any]:
+    """Run Kaczmarz sweeps with non-negativity on all pixels and voxels."""
+    projector, measured = seen.whole.projector, seen.whole.flatten(seen.images)
+    if row.art == "plain":
+        sweeps = min(_PLAIN_SWEEPS, row.epochs)
+        solvers.art(
+            projector, measured, iterations=sweeps, relaxation=_PLAIN_RELAXATION, callback=judge
+        )
+        return {"relaxation": _PLAIN_RELAXATION, "sweeps": sweeps}
+    reached = []
+    for relaxation in _RELAXATIONS:
+        course.clear()
+        solvers.art(
+            projector, measured, iterations=min(_MOST_SWEEPS, row.epochs), relaxation=relaxation,
+            callback=judge,
+        )  # fmt: skip
+        reached.append((min((d, n) for n, d, _ in course), relaxation, list(course)))
+    (_, sweeps), relaxation, found = min(reached)
+    course[:] = found
+    return {"relaxation": relaxation, "sweeps": sweeps}
+
+
+def _system(row: Row, seen: Case) -> LinearSystem:
+    return seen.whole if row.art else seen.system
+
+
+def _is_past_best(course: list[tuple[int, float, float]]) -> bool:
+    """Return whether the last few sweeps were no nearer to the truth than one before them."""
+    distances = [distance for _, distance, _ in course]
+    return len(distances) - 1 - int(np.argmin(distances)) >= _PATIENCE

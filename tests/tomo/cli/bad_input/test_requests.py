@@ -60,6 +60,18 @@ OPTIONS = {
         ("--encoder", "e.pt"),
         "encoder: found e.pt, expected none for method auto",
     ),
+    "settings of a classic": (
+        ("--method", "sirt", "--wernet-settings", "paper"),
+        "wernet_settings: found paper, expected none for method sirt: only wernet and wernet-",
+    ),
+    "settings of the other form": (
+        ("--method", "wernet", "--wernet-settings", "paper-text"),
+        "paper-text.yaml: 'inputs': found a field that WernetSettings has not, expected one of",
+    ),
+    "settings that are not there": (
+        ("--method", "wernet-paper", "--wernet-settings", "none.yaml"),
+        "none.yaml: no such settings file, and none that comes along; those are paper, paper-",
+    ),
     "frozen classic": (
         ("--method", "sirt", "--freeze-encoder"),
         "freeze_encoder: found True, expected none for method sirt",
