@@ -25,6 +25,10 @@ FEATURES = (
     "upstream emission",
 )
 
+IDENTIFYING = {"gain": FEATURES[:3], "absorption": FEATURES[7:]}
+"""The features by which an encoder would imitate an effect: directions tell which camera looks,
+the way that light has gone tells what absorbs it."""
+
 
 @dataclass(frozen=True, eq=False)
 class RayFeatures:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import math
 import time
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,7 @@ from tomo.wernet.default.checkpoint import Checkpoint
 from tomo.wernet.default.encoder import CorrectionEncoder
 from tomo.wernet.default.left_out import LeftOut
 from tomo.wernet.default.outer_iterations import OuterIterations
-from tomo.wernet.default.ray_features import RayFeatures
+from tomo.wernet.default.ray_features import FEATURES, IDENTIFYING, RayFeatures
 from tomo.wernet.default.training import EncoderTraining
 from tomo.wernet.device import usable_device
 from tomo.wernet.encoder_file import load_encoder
@@ -48,6 +49,7 @@ def wernet(
     callback: Callback | None = None,
     encoder: str | Path | CorrectionEncoder | None = None,
     freeze_encoder: bool = False,
+    refused: Sequence[str] = (),
     blocks: int = 2,
     channels: int = 16,
     checkpoint: str | Path | None = None,
@@ -81,6 +83,8 @@ def wernet(
         copied. A new one when None.
     freeze_encoder : bool
         Use the encoder without training it.
+    refused : sequence of {"gain", "absorption"}
+        Effects that no encoder may imitate: what identifies them is hidden from it.
     blocks, channels : int
         Shape of a new encoder, see `CorrectionEncoder`.
     checkpoint : path, optional
@@ -122,14 +126,19 @@ def wernet(
     record = _Record(callback)
     measured, place = check_measured(projector, measured), usable_device(device)
     features = RayFeatures.of(projector, place)
+    shown: Sequence[str] = FEATURES
     if encoder is None:
         name, own = None, CorrectionEncoder(blocks=blocks, channels=channels, seed=seed)
         if len(projector.views_with_pixels) <= FEW_VIEWS:
-            own.show_only(FEW_VIEW_FEATURES)
+            shown = FEW_VIEW_FEATURES
     elif isinstance(encoder, CorrectionEncoder):
         name, own = "in memory", copy.deepcopy(encoder)
     else:
         name, own = str(encoder), load_encoder(encoder, CorrectionEncoder)
+    hidden = [name for effect in refused for name in IDENTIFYING[effect]]
+    shown = [name for name in shown if name not in hidden]
+    if len(shown) < len(FEATURES):
+        own.show_only(shown)
     own = own.to(place)
     settings = {
         "method": "wernet",
@@ -137,6 +146,7 @@ def wernet(
         "weighted": weights is not None,
         "encoder": name,
         "freeze_encoder": freeze_encoder,
+        "refused": list(refused),
         "device": str(device),
         "seed": seed,
         **own.settings,
@@ -156,7 +166,7 @@ def wernet(
         )  # fmt: skip
         limit = 1 if freeze_encoder else int(iterations)
         outer = OuterIterations(pixels, training, choice, limit, not freeze_encoder)
-        outer.stop_reason = _nothing_to_learn(pixels, choice)
+        outer.stop_reason = _nothing_to_learn(pixels, choice, shown)
         if record.add(0, projector.active.compress(classic.volume), classic.relative_residual):
             outer.stop_reason = "stopped by the callback before the first outer iteration"
         if saved and state is not None and not outer.stop_reason:
@@ -182,9 +192,11 @@ class _Record:
         return bool(self.callback and self.callback(index, unknowns, residual))
 
 
-def _nothing_to_learn(pixels: LeftOut, choice: Choice) -> str:
+def _nothing_to_learn(pixels: LeftOut, choice: Choice, shown: Sequence[str]) -> str:
     """Return why no weights can be learned from these views; nothing where they can."""
     projector = pixels.projector
+    if not shown:
+        return "nothing to learn from: all that so few views show of optics was refused"
     if not pixels.measured.any():
         return f"nothing to judge weights by: {choice.reason}"
     if len(projector.views_with_pixels) < FEWEST_VIEWS:

@@ -137,6 +137,14 @@ def test_few_views_show_an_encoder_nothing_that_tells_them_apart(scene, tmp_path
         assert names == list(FEW_VIEW_FEATURES if views == 6 else FEATURES)
 
 
+def test_with_few_views_and_gas_refused_nothing_is_left_to_learn_from(scene):
+    one = scene(views=6)
+    found = wernet(one.projector, one.measured, refused=("absorption",))
+    assert found.weights is None
+    assert "all that so few views show of optics was refused" in found.stop_reason
+    assert found.settings["refused"] == ["absorption"]
+
+
 def test_active_voxels_alone_are_solved_for(shaded):
     active = ActiveVoxels.from_mask(shaded.grid, shaded.truth > 0.01)
     system = LinearSystem.from_rig(shaded.rig, shaded.grid, active=active, midpoints=True)
