@@ -220,8 +220,8 @@ def _solution(
     both = f"relative residual of left-out pixels {learned:.4f}, segment lengths {lengths:.4f}"
     if kept is not None:
         weighted = kept.weights.projector(pixels.projector)
-        choice, how = pixels.choose(weighted), {"weights": pixels.weights}
-        result = solve_as_chosen(weighted, pixels.measured, choice, **how)
+        choice = outer.choice or outer.first  # chosen anew, it would be by pixels learned from
+        result = solve_as_chosen(weighted, pixels.measured, choice, weights=pixels.weights)
         said = f"learned weights of outer iteration {kept.number} are kept ({both})"
     elif math.isnan(learned):
         said = "segment lengths are kept"

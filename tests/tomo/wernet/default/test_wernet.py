@@ -12,7 +12,7 @@ from tomo.operators import Projector
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.trace import Segments
 from tomo.wernet import save_encoder
-from tomo.wernet.default import CorrectionEncoder, wernet
+from tomo.wernet.default import CorrectionEncoder, LeftOut, outer_iterations, wernet
 from tomo.wernet.default.ray_features import FEATURES
 from tomo.wernet.default.wernet import FEW_VIEW_FEATURES
 
@@ -62,6 +62,17 @@ def test_volume_and_weights_of_a_solution_belong_together(scene, shaded):
     assert misfits[0] == pytest.approx(found.relative_residual, rel=1e-3)
     assert misfits[0] < 0.9 * misfits[1]
     assert found.volume.sum() == pytest.approx(shaded.truth.sum(), rel=0.05)
+
+
+def test_the_volume_is_as_smooth_as_where_its_weights_were_judged(shaded, monkeypatch):
+    """Chosen anew, it would be by pixels that the encoder learned from, and less smooth."""
+    chosen, choose = [], LeftOut.choose
+    monkeypatch.setattr(outer_iterations, "HALVED", 0.0)
+    monkeypatch.setattr(LeftOut, "choose", lambda *how: chosen.append(choose(*how)) or chosen[-1])
+    found = wernet(shaded.projector, shaded.measured, iterations=2)
+    assert found.settings["learned"] is True
+    assert len(chosen) == 1
+    assert found.settings["solved_by"]["strength"] == chosen[0].strength
 
 
 def test_true_segment_lengths_are_kept_to_the_bit(scene):
