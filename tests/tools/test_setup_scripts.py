@@ -1,5 +1,6 @@
 """The set-up of the scripts, run against a stand-in for Python that records its calls."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -175,7 +176,13 @@ def test_the_demo_simulates_reconstructs_and_names_its_files(project):
     verbs = [line.split()[0] for line in calls.splitlines() if "out/demo" in line]
     assert verbs[:2] == ["simulate", "reconstruct"]
     assert {"visualize-rig", "visualize-volume"} <= set(verbs)
-    assert "out/demo/report.html" in done.stderr
+    assert len(verbs) == 4
+    assert "wernet-paper" not in calls
+    assert "import runpy" in calls
+    for file in ("report.html", "learned.png"):
+        assert f"out/demo/{file}" in done.stderr
+    (example,) = re.findall(r"docs/examples/\w+\.py", (TOOLS / "demo.sh").read_text())
+    assert (TOOLS.parent / example).is_file()
 
 
 def test_the_demo_stops_where_a_step_fails(project):

@@ -156,14 +156,14 @@ class Options(Declared, gone=GONE):
     fit_gain: bool | None = option(
         None,
         "Whether each camera's gain and background are fitted and corrected; by default where "
-        "they exceed what exact cameras make.",
+        "they exceed what exact cameras make. Where refused, wernet cannot learn gains either.",
         switch(optional=True),
     )
     fit_absorption: bool | None = option(
         None,
         "Whether absorption is fitted and corrected, by the emitting gas itself or by a medium "
-        "that fills the grid; by default, with method auto, where it exceeds what transparent gas "
-        "makes.",
+        "that fills the grid; by default, with method auto or wernet, where it exceeds what "
+        "transparent gas makes. Where refused, wernet cannot learn it either.",
         switch(optional=True),
     )
     absorption: float | None = option(
@@ -314,3 +314,9 @@ class Options(Declared, gone=GONE):
     def rays(self) -> dict[str, int]:
         """How many rays a pixel has, as `tomo.LinearSystem.from_rig` takes it."""
         return {"supersample": self.supersample, "aperture_rays": self.aperture_rays}
+
+    @property
+    def refused(self) -> tuple[str, ...]:
+        """The effects that are not to be corrected, nor learned: asked off, or known."""
+        known = self.fit_absorption is False or self.absorption is not None
+        return ("gain",) * (self.fit_gain is False) + ("absorption",) * known

@@ -238,6 +238,7 @@ def _arguments(
     if method.starts_from_default:
         learning["weights"] = built.weights
         learning["pixel_blocks"] = built.system.blocks(BLOCK)
+        learning["refused"] = options.refused
     return method.arguments(**learning, seed=options.seed, iterations=iterations)
 
 

@@ -83,12 +83,11 @@ class Encoder(nn.Module):
             raise ValueError(f"shown: found {list(shown)}, expected features of 'optics'")
         self.inputs, self.variant = inputs, variant
         self.blocks, self.channels = int(blocks), int(channels)
-        self.shown = None if shown is None else tuple(shown)
+        self.shown: tuple[str, ...] | None = None
         self.visible: torch.Tensor
-        visible = torch.ones(INPUTS[inputs])
+        self.register_buffer("visible", torch.ones(INPUTS[inputs]), persistent=False)
         if shown is not None:
-            visible = torch.tensor([float(name in shown) for name in OPTICS])
-        self.register_buffer("visible", visible, persistent=False)
+            self.show_only(shown)
         generator = torch.Generator().manual_seed(seed)
         widths = [INPUTS[inputs]] + [self.channels] * self.blocks
         self.hidden = nn.ModuleList(
@@ -104,6 +103,11 @@ class Encoder(nn.Module):
                 nn.init.zeros_(parameter)
         if last_bias is not None and self.last.bias is not None:
             nn.init.constant_(self.last.bias, last_bias)
+
+    def show_only(self, names: Sequence[str]) -> None:
+        """Let it see these features of "optics" alone; the others are zero to it."""
+        self.shown = None if len(names) == len(OPTICS) else tuple(names)
+        self.visible.copy_(torch.tensor([float(name in names) for name in OPTICS]))
 
     @property
     def settings(self) -> dict[str, Any]:

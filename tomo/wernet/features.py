@@ -26,6 +26,10 @@ OPTICS = (
 )
 """The features that optics depend on, none of them the segment's place in the world."""
 
+IDENTIFYING = {"gain": OPTICS[:3], "absorption": OPTICS[7:]}
+"""The features by which an encoder would imitate an effect: directions tell which camera looks,
+the way that light has gone tells what absorbs it."""
+
 INPUTS = {"absolute": 6, "relative": 6, "optics": len(OPTICS)}
 """What an encoder may see, and how many numbers a segment that is."""
 

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ from tomo.selection.left_out import LeftOut
 from tomo.solvers import Iteration, Solution
 from tomo.solvers.solution import Callback
 from tomo.wernet.encoder import Encoder
+from tomo.wernet.features import IDENTIFYING, OPTICS
 from tomo.wernet.files import own_copy
 from tomo.wernet.outer_iterations import EncoderTraining, OuterIterations
 from tomo.wernet.rays import Rays
@@ -66,6 +68,7 @@ def wernet(
     settings: WernetSettings | None = None,
     encoder: str | Path | Encoder | None = None,
     freeze_encoder: bool = False,
+    refused: Sequence[str] = (),
     device: str | torch.device = "cpu",
     seed: int = 0,
 ) -> Solution:
@@ -95,6 +98,8 @@ def wernet(
         copied. A new one when None.
     freeze_encoder : bool
         Use the encoder without training it.
+    refused : sequence of {"gain", "absorption"}
+        Effects that no encoder may imitate: what identifies them is hidden from it.
     device : str or torch.device
         Where the encoder is trained. The voxels are solved for on the CPU.
     seed : int
@@ -140,6 +145,10 @@ def wernet(
     else:
         name = "in memory" if isinstance(encoder, Encoder) else str(encoder)
         own = own_copy(encoder, ("optics",))
+    hidden = [feature for effect in refused for feature in IDENTIFYING[effect]]
+    seen = OPTICS if own.shown is None else own.shown
+    shown = [feature for feature in seen if feature not in hidden]
+    own.show_only(shown)
     own = own.to(place)
     record_of = {
         "method": "wernet",
@@ -147,6 +156,7 @@ def wernet(
         "weighted": weights is not None,
         "encoder": name,
         "freeze_encoder": freeze_encoder,
+        "refused": list(refused),
         "device": str(device),
         "seed": seed,
         **asdict(training_settings),
@@ -163,7 +173,7 @@ def wernet(
         )  # fmt: skip
         limit = 1 if freeze_encoder else int(iterations)
         outer = OuterIterations(pixels, training, choice, limit, not freeze_encoder)
-        outer.stop_reason = _nothing_to_learn(pixels, choice)
+        outer.stop_reason = _nothing_to_learn(pixels, choice, shown)
         if record.add(0, projector.active.compress(classic.volume), classic.relative_residual):
             outer.stop_reason = "stopped by the callback before the first outer iteration"
         outer.run(record.add)
@@ -185,9 +195,11 @@ class _Record:
         return bool(self.callback and self.callback(index, unknowns, residual))
 
 
-def _nothing_to_learn(pixels: LeftOut, choice: Choice) -> str:
+def _nothing_to_learn(pixels: LeftOut, choice: Choice, shown: Sequence[str]) -> str:
     """Return why no weights can be learned from these views; nothing where they can."""
     projector = pixels.projector
+    if not shown:
+        return "nothing to learn from: all that so few views show of optics was refused"
     if not pixels.measured.any():
         return f"nothing to judge weights by: {choice.reason}"
     if len(projector.views_with_pixels) < FEWEST_VIEWS:
@@ -211,8 +223,8 @@ def _solution(
     both = f"relative residual of left-out pixels {learned:.4f}, segment lengths {lengths:.4f}"
     if kept is not None:
         weighted = kept.weights.projector(pixels.projector)
-        choice, how = pixels.choose(weighted), {"weights": pixels.weights}
-        result = solve_as_chosen(weighted, pixels.measured, choice, **how)
+        choice = outer.choice or outer.first  # chosen anew, it would be by pixels learned from
+        result = solve_as_chosen(weighted, pixels.measured, choice, weights=pixels.weights)
         said = f"learned weights of outer iteration {kept.number} are kept ({both})"
     elif math.isnan(learned):
         said = "segment lengths are kept"

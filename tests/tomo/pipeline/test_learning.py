@@ -10,7 +10,9 @@ import tifffile
 from phantoms import GaussianBlobs, create
 from rigs import ring
 from tomo import VoxelGrid, load_scan
+from tomo.operators import TRANSPARENT
 from tomo.pipeline import Options, reconstruct
+from tomo.pipeline.infer import effects_of
 from tomo.simulation import simulate_images
 from tomo.simulation.camera_noise import gaussian
 from tomo.simulation.effects import Effects
@@ -36,7 +38,7 @@ def unequal(tmp_path_factory, grid):
 
 
 def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
-    settings = {"hold_out": ["cam02"], "fit_gain": False, "uncertainty": 0}
+    settings = {"hold_out": ["cam02"], "uncertainty": 0}
     # weights alone say what is wrong
     settings |= {"screen": False, "align": False, "fit_absorption": False}
     learned = reconstruct(unequal, options=Options(method="wernet", **settings))
@@ -60,6 +62,41 @@ def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
     assert None not in own
 
 
+def test_what_is_refused_is_not_learned_either(unequal):
+    """Without gains to learn, the volume is the default's to the bit."""
+    off = {"fit_gain": False, "fit_absorption": False, "screen": False, "align": False}
+    off["uncertainty"] = 0
+    learned, classic = (reconstruct(unequal, method=name, **off) for name in ("wernet", "auto"))
+    assert learned.report()["solver"]["learned"] is False
+    np.testing.assert_array_equal(learned.volume, classic.volume)
+
+
+@pytest.mark.parametrize(
+    ("off", "refused"),
+    [
+        ({}, ()),
+        ({"fit_gain": False}, ("gain",)),
+        ({"fit_absorption": False}, ("absorption",)),
+        ({"absorption": 0.01}, ("absorption",)),
+        ({"align": False}, ()),
+        ({"screen": False}, ()),
+        ({"blur": 1.0}, ()),
+        ({"fit_gain": False, "fit_absorption": False}, ("gain", "absorption")),
+    ],
+)
+def test_wernet_hears_the_same_physics_as_the_default(grid, off, refused):
+    auto, own = (Options(method=name, **off) for name in ("auto", "wernet"))
+    heard = [effects_of(one, TRANSPARENT, grid, 1, 16) for one in (auto, own)]
+    assert heard[0] == heard[1]
+    assert own.refused == refused
+
+
+def test_before_it_learns_wernet_is_the_default(unequal):
+    own = reconstruct(unequal, method="wernet", iterations=0, uncertainty=0)
+    default = reconstruct(unequal, uncertainty=0)
+    np.testing.assert_array_equal(own.volume, default.volume)
+
+
 @pytest.mark.parametrize(
     ("effects", "better", "shape", "image_size"),
     [
@@ -69,7 +106,7 @@ def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
     ids=["gains", "absorption"],
 )
 def test_few_views_teach_shared_effects_and_not_their_own(
-    tmp_path, effects, better, shape, image_size
+    tmp_path, monkeypatch, effects, better, shape, image_size
 ):
     grid = VoxelGrid(shape, 1.0)
     look = {"image_size": image_size, "footprint": 0.5, "pitch_degrees": 10.0}
@@ -79,6 +116,7 @@ def test_few_views_teach_shared_effects_and_not_their_own(
     images = gaussian(list(made.images.values()), 0.005, np.random.default_rng(13))
     made = replace(made, images=dict(zip(rig.names, images, strict=True)))
     scan = load_scan(made.save(tmp_path / "scan"))
+    monkeypatch.setattr(Options, "refused", ())  # the encoder alone may learn what is off
     settings = {"fit_gain": False, "fit_absorption": False, "hold_out": ["cam02"]}
     settings["uncertainty"] = 0
     learned, classic = (

@@ -10,8 +10,9 @@ from tomo import LinearSystem
 from tomo.grid import ActiveVoxels
 from tomo.operators import Projector
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
+from tomo.selection.left_out import LeftOut
 from tomo.trace import Segments
-from tomo.wernet import Encoder, Rays, WernetSettings, save_encoder, wernet
+from tomo.wernet import Encoder, Rays, WernetSettings, outer_iterations, save_encoder, wernet
 from tomo.wernet.outer_iterations import EncoderTraining
 from tomo.wernet.wernet import FEW_VIEW_FEATURES
 
@@ -61,6 +62,17 @@ def test_volume_and_weights_of_a_solution_belong_together(scene, shaded):
     assert misfits[0] == pytest.approx(found.relative_residual, rel=1e-3)
     assert misfits[0] < 0.9 * misfits[1]
     assert found.volume.sum() == pytest.approx(shaded.truth.sum(), rel=0.05)
+
+
+def test_the_volume_is_as_smooth_as_where_its_weights_were_judged(shaded, monkeypatch):
+    """Chosen anew, it would be by pixels that the encoder learned from, and less smooth."""
+    chosen, choose = [], LeftOut.choose
+    monkeypatch.setattr(outer_iterations, "HALVED", 0.0)
+    monkeypatch.setattr(LeftOut, "choose", lambda *how: chosen.append(choose(*how)) or chosen[-1])
+    found = wernet(shaded.projector, shaded.measured, iterations=2)
+    assert found.settings["learned"] is True
+    assert len(chosen) == 1
+    assert found.settings["solved_by"]["strength"] == chosen[0].strength
 
 
 def test_true_segment_lengths_are_kept_to_the_bit(scene):
@@ -153,6 +165,14 @@ def test_every_setting_of_training_is_used(shaded):
         {"last_rate": 0.9},
     ):  # fmt: skip
         assert not torch.equal(trained(**settings), usual), settings
+
+
+def test_with_few_views_and_gas_refused_nothing_is_left_to_learn_from(scene):
+    one = scene(views=6)
+    found = wernet(one.projector, one.measured, refused=("absorption",))
+    assert found.weights is None
+    assert "all that so few views show of optics was refused" in found.stop_reason
+    assert found.settings["refused"] == ["absorption"]
 
 
 def test_active_voxels_alone_are_solved_for(shaded):

@@ -13,6 +13,7 @@ from studies.scenes.findings import EFFECTS
 from studies.scenes.forward import radiance
 from studies.scenes.recipe import HALVES, Recipe
 from studies.scenes.recording import NOISES, PEDESTAL, TWELVE_BIT, recorded, stored
+from studies.scenes.refraction import HotCore, displacements
 
 import phantoms
 from rigs import Camera
@@ -89,6 +90,28 @@ def test_absorbers_have_their_depth(made):
     points = np.stack([x, 0 * x, 0 * x], axis=-1) + GRID.center
     assert np.trapezoid(made(points), x) == pytest.approx(0.7, rel=2e-3)
     assert made(np.asarray(GRID.center)) < 0.02
+
+
+def test_rays_are_bent_by_the_gradient_of_the_index():
+    """In an even gradient rays are parabolas; a hot core displaces the one that it bends most."""
+    along = np.linspace(0, 24, 97)[:-1] + 0.125
+    across = np.stack([np.linspace(-12, 12, 41), np.zeros(41), np.full(41, -12.0)], axis=1)
+    points = across[:, None] + along[:, None] * np.array([0, 0, 1.0]) + GRID.center
+    ahead, length = np.tile([0, 0, 1.0], (41, 1)), np.full(41, 0.25)
+    off = displacements(lambda p: np.full_like(p, [0.01, 0, 3.0]), points, ahead, length)
+    np.testing.assert_allclose(off[0, :, 0], 0.005 * along**2, atol=2e-3)
+    assert not off[..., 1:].any()
+    off = displacements(HotCore(GRID, 0.7), points, ahead, length)
+    assert np.abs(off).max() == pytest.approx(0.7, rel=0.1)
+    assert off[-1, -1, 0] > 0 > off[0, -1, 0]  # away from the hot middle
+
+
+def test_bent_rays_see_light_elsewhere(camera):
+    straight, bent = (
+        radiance(camera, Blob(), supersample=1, bending=HotCore(GRID, size)) for size in (0, 0.7)
+    )
+    assert np.array_equal(straight, radiance(camera, Blob(), supersample=1))
+    assert 0.005 < np.abs(bent - straight).max() / straight.max() < 0.2
 
 
 def test_pixels_are_means_over_their_area(camera):

@@ -7,7 +7,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from studies.scenes import accuracy, cameras, design, oracle, patches, processes, trial
+from studies.scenes import accuracy, cameras, design, learned, oracle, patches, processes, trial
 from studies.scenes.faults import FAULTS
 from studies.scenes.recipe import HALVES, Recipe
 from studies.scenes.scene import KnownScene
@@ -48,7 +48,8 @@ def rows(monkeypatch):
         return {
             **vars(recipe), "views": recipe.views, "scene": recipe.name, "seconds": 1.0,
             "nrmse": 0.1 * (1 + bool(recipe.fault)) * (1 + bool(constants)),
-            "cosine_distance": 0.01, "of_best": 1 + recipe.views / 10, "cosine_of_best": 1.0,
+            "cosine_distance": 0.01, "cpu_seconds": 2.0, "learned": "method" in options,
+            "of_best": 1 + recipe.views / 10, "cosine_of_best": 1.0,
         }  # fmt: skip
 
     monkeypatch.setattr(trial, "row_of", row_of)
@@ -85,6 +86,20 @@ def test_errors_are_summed_up_by_family_views_and_noise(rows, trials):
     ratios = [row["of_best"] for row in tables["scenes"]]
     assert ratios == sorted(ratios, reverse=True)
     assert tables["overall"][0]["worst"] == ratios[0]
+
+
+def test_learned_weights_are_compared_on_scenes_of_the_same_flame(rows, trials):
+    tables = learned.learned(trials, "settle", quick=False, progress=silent)
+    recipes = learned.recipes("settle")
+    assert len(recipes) == len(tables["nrmse"]) == len(tables["cpu_seconds"]) == 7
+    assert {one.faultless for one in recipes} == {recipes[0]}
+    assert recipes[0].grid.shape == (36, 48, 36)
+    assert recipes[0].views == 16
+    faultless, cloud, *_ = tables["nrmse"]
+    assert (faultless["times"], cloud["times"], cloud["of_default"]) == (1, pytest.approx(2), 1)
+    assert cloud["kept"] is True
+    assert {one["without"] for one in tables["cosine_distance"]} == {0.01}
+    assert {options["uncertainty"] for _, options, *_ in rows} == {0}
 
 
 def test_constants_are_set_for_a_while_wherever_they_were_imported():

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,7 @@ from rigs import Camera
 from studies.scenes.absorbers import Absorber
 from studies.scenes.fields import Field
 from studies.scenes.forward import radiance
+from studies.scenes.refraction import Bending
 
 LIT = 0.02
 """Fraction of an image's maximum above which a pixel counts as showing the flame."""
@@ -35,6 +37,7 @@ class Exposure:
     self_absorption, absorption : float
         See `studies.scenes.forward.radiance`.
     absorber : Absorber, optional
+    bending : Bending, optional
         The same.
     blur : float
         Standard deviation of a Gaussian blur, in pixels.
@@ -75,6 +78,7 @@ class Exposure:
     self_absorption: float = 0.0
     absorption: float = 0.0
     absorber: Absorber | None = None
+    bending: Bending | None = None
     blur: float = 0.0
     motion: int = 1
     ghost: float = 0.0
@@ -93,9 +97,9 @@ class Exposure:
     taken_by: int | None = None
 
     @property
-    def sight(self) -> tuple[Camera, Field, float, float, Absorber | None]:
+    def sight(self) -> tuple[Any, ...]:
         """All that `light` depends on."""
-        gas = self.self_absorption, self.absorption, self.absorber
+        gas = self.self_absorption, self.absorption, self.absorber, self.bending
         return self.camera, self.field, *gas
 
     def light(self) -> NDArray[np.float64]:
@@ -106,6 +110,7 @@ class Exposure:
             self_absorption=self.self_absorption,
             absorption=self.absorption,
             absorber=self.absorber,
+            bending=self.bending,
         )
 
     def image(self, light: NDArray[np.float64]) -> NDArray[np.float64]:

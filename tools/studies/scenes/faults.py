@@ -14,6 +14,7 @@ from studies.scenes import cameras
 from studies.scenes.absorbers import Absorber, Cloud, Sheath
 from studies.scenes.exposure import Exposure
 from studies.scenes.fields import LaterField, WithLamp
+from studies.scenes.refraction import HotCore
 
 Exposures = tuple[Exposure, ...]
 
@@ -209,6 +210,19 @@ def _absorbing(exposures: Exposures, absorber: Absorber) -> Exposures:
     return _all(exposures, absorber=absorber)
 
 
+def unequally_dimmed(exposures: Exposures, setting: Setting) -> Exposures:
+    """Return exposures whose corners lose unlike fractions of the light, up to ``size``."""
+    losses = setting.random.uniform(0, setting.size, len(exposures))
+    return tuple(
+        replace(one, vignetting=float(loss)) for one, loss in zip(exposures, losses, strict=True)
+    )
+
+
+def bent(exposures: Exposures, setting: Setting) -> Exposures:
+    """Return exposures through hot gas that displaces rays by up to ``size`` voxels."""
+    return _all(exposures, bending=HotCore(exposures[0].field.grid, setting.size))
+
+
 def mirrored(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures of which one is turned over: across (1), down (2), or both (3)."""
     way = ("across", "down", "both")[int(setting.size) - 1]
@@ -311,6 +325,20 @@ of the flame's width, framed of its width and height; saturation and light from 
 brightest; optical depths; vignetting as the corners' loss; blur and motion in pixels; out of step
 in voxels; magnification as a fraction of the focal length; ghost and veil as fractions of the
 light; gamma as the curve's exponent; two at once in pixels of the second camera."""
+
+OPTICS: Mapping[str, Fault] = {
+    "unequal vignettes": Fault(
+        (("fall-off",),), unequally_dimmed, (0.3, 0.6, 0.8), (0.25, 0.55, 0.75), False
+    ),
+    "veils": Fault((("scatter",),), _set_all("veil"), (0.1, 0.25, 0.6), (0.08, 0.3, 0.5), False),
+    "refraction": Fault((APART,), bent, (0.2, 0.5, 1.0), (0.25, 0.6, 0.9), False),
+    "defocus": Fault((("blur",),), _set_all("blur"), (0.8, 1.6, 3.2), (0.9, 1.8, 3.0), False),
+}
+"""Faults of all cameras that are no part of the judge's design: what learned optics are tried on.
+Sizes: the largest corners' loss of any camera, veils as fractions of the light, refraction in
+voxels by which rays are off where they leave, defocus in pixels."""
+
+KNOWN: Mapping[str, Fault] = {**FAULTS, **OPTICS}
 
 SIZES = 3
 """How many each fault has."""

@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter
 from rigs.camera_protocol import CameraLike
 from studies.scenes.absorbers import Absorber
 from studies.scenes.fields import Field
+from studies.scenes.refraction import Bending, displacements
 
 STEP = 0.25
 """Voxels between two samples of a ray. Sheets half a voxel thick are added to 1e-6."""
@@ -36,6 +37,7 @@ def radiance(
     self_absorption: float = 0.0,
     absorption: float = 0.0,
     absorber: Absorber | None = None,
+    bending: Bending | None = None,
     supersample: int = SUPERSAMPLE,
     step: float = STEP,
 ) -> NDArray[np.float64]:
@@ -52,6 +54,8 @@ def radiance(
         ``a``: it is dimmed by ``exp(-a L)`` too, ``L`` the length inside the field's grid.
     absorber : Absorber, optional
         It is dimmed by ``exp`` of minus the integral of this extinction in front of it as well.
+    bending : Bending, optional
+        Rays are bent by this gradient of the refractive index, by a voxel at the most.
     supersample : int
         Rays along each side of a pixel.
     step : float
@@ -70,7 +74,7 @@ def radiance(
         for down in offsets:
             uv = np.stack([columns + right, rows + down], axis=-1).reshape(-1, 2)
             lines = camera.rays(uv)
-            light = _light(*lines, field, self_absorption, absorption, absorber, step)
+            light = _light(*lines, field, self_absorption, absorption, absorber, bending, step)
             image += light.reshape(height, width)
     return image / supersample**2
 
@@ -82,6 +86,7 @@ def _light(
     self_absorption: float,
     absorption: float,
     absorber: Absorber | None,
+    bending: Bending | None,
     step: float,
 ) -> NDArray[np.float64]:
     """Return what rays see of a field, ``(rays,)``."""
@@ -96,7 +101,11 @@ def _light(
     for part in np.array_split(hit, max(1, len(hit) * count // SAMPLES_AT_ONCE)):
         length = (last - first)[part] / count  # (rays,)
         along = first[part, None] + (np.arange(count) + 0.5) * length[:, None]
-        emission = _sampled(field, origins[part], along, directions[part])  # (rays, count)
+        off = None
+        if bending is not None:
+            points = origins[part, None] + along[..., None] * directions[part, None]
+            off = displacements(bending, points, directions[part], length)
+        emission = _sampled(field, origins[part], along, directions[part], off)  # (rays, count)
         light = emission * length[:, None]
         if self_absorption:
             depth = self_absorption * light
@@ -133,8 +142,12 @@ def _sampled(
     origins: NDArray[np.float64],
     along: NDArray[np.float64],
     directions: NDArray[np.float64],
+    off: NDArray[np.float64] | None = None,
 ) -> NDArray[np.float64]:
-    """Return the emission ``(rays, count)`` at distances along rays; dark cells are left out."""
+    """Return the emission ``(rays, count)`` at distances along rays; dark cells are left out.
+
+    The samples lie ``off`` the rays, ``(rays, count, 3)``, by less than a cell.
+    """
     lower, cell, lit = _lit_cells(field)
     flat = np.zeros(along.shape, np.int32)
     for axis, most in enumerate(lit.shape):
@@ -143,7 +156,8 @@ def _sampled(
         flat = flat * most + np.clip(position.astype(np.int32), 0, most - 1)
     ray, sample = np.nonzero(lit.ravel()[flat])
     found = np.zeros(along.shape)
-    found[ray, sample] = field(origins[ray] + along[ray, sample, None] * directions[ray])
+    points = origins[ray] + along[ray, sample, None] * directions[ray]
+    found[ray, sample] = field(points if off is None else points + off[ray, sample])
     return found
 
 

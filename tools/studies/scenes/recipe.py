@@ -6,7 +6,7 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
 
-from studies.scenes.faults import FAULTS, SIZES
+from studies.scenes.faults import KNOWN, SIZES
 from studies.scenes.fields import FAMILIES, REPORT, SETTLE, SPECIAL_REPORT, SPECIAL_SETTLE
 from studies.scenes.recording import NOISES
 from tomo import VoxelGrid
@@ -26,6 +26,9 @@ SEEDS = {"settle": 0, "report": 1000, "fresh": 5000}
 """The first seed of each half; those from 5000 on are fresh, and nothing else is."""
 
 GRIDS = ((24, 32, 24), (28, 36, 28), (32, 40, 32))
+LARGE, FIRST_LARGE = (36, 48, 36), 900
+"""The grid of seeds so far above a whole thousand, or further; others have one of `GRIDS`."""
+
 CENTER = (1.3, -0.7, 0.4)
 
 
@@ -46,7 +49,7 @@ class Recipe:
     seed : int
         Of field, grid, rig, noise and fault.
     fault : str
-        One of `studies.scenes.faults.FAULTS`; none when empty.
+        One of `studies.scenes.faults.KNOWN`; none when empty.
     size : int
         0, 1 or 2: which of the fault's sizes.
 
@@ -67,7 +70,7 @@ class Recipe:
     def __post_init__(self) -> None:
         """Check every field."""
         known = {"half": HALVES, "family": HALVES.get(self.half, FAMILIES), "noise": NOISES}
-        for name, values in (known | {"fault": ("", *FAULTS), "size": range(SIZES)}).items():
+        for name, values in (known | {"fault": ("", *KNOWN), "size": range(SIZES)}).items():
             if getattr(self, name) not in values:
                 found, words = getattr(self, name), ", ".join(map(str, values))
                 raise ValueError(f"{name}: found {found!r}, expected one of {words}")
@@ -108,4 +111,5 @@ class Recipe:
     @property
     def grid(self) -> VoxelGrid:
         """The voxels to reconstruct, of edge length one."""
-        return VoxelGrid(GRIDS[self.seed % len(GRIDS)], 1.0, CENTER)
+        large = self.seed % 1000 >= FIRST_LARGE
+        return VoxelGrid(LARGE if large else GRIDS[self.seed % len(GRIDS)], 1.0, CENTER)

@@ -17,7 +17,7 @@ from rigs.files import atomic_path
 from rigs.files.archives import read_arrays
 from studies.scenes import cameras
 from studies.scenes.exposure import Exposure
-from studies.scenes.faults import FAULTS, Exposures, Setting
+from studies.scenes.faults import KNOWN, Exposures, Setting
 from studies.scenes.fields import KnownField
 from studies.scenes.recipe import Recipe
 from studies.scenes.recording import BRIGHTEST, CLEAN, corrections, recorded, stored
@@ -57,13 +57,13 @@ class KnownScene:
     @property
     def at_fault(self) -> tuple[str, ...]:
         """The cameras that a report should name: none for faults of all cameras."""
-        fault = FAULTS.get(self.recipe.fault)
+        fault = KNOWN.get(self.recipe.fault)
         return self.wrong if fault is not None and fault.single else ()
 
     @property
     def expected(self) -> tuple[tuple[tuple[str, ...], str | None], ...]:
         """What names the fault: for each camera at fault, or None for all, the effects' names."""
-        fault = FAULTS.get(self.recipe.fault)
+        fault = KNOWN.get(self.recipe.fault)
         if fault is None:
             return ()
         own = self.rig.names[self.recipe.view]
@@ -73,7 +73,7 @@ class KnownScene:
     @property
     def mendable(self) -> bool:
         """Whether a correction may mend the fault."""
-        fault = FAULTS.get(self.recipe.fault)
+        fault = KNOWN.get(self.recipe.fault)
         return fault is None or self.recipe.size < fault.mendable
 
     @property
@@ -119,7 +119,7 @@ def _taken(recipe: Recipe, rig: Rig, cache: Path | None) -> Arrays:
     for view in wrong:
         if exposures[view].sight != plain[view].sight:
             lights[view] = exposures[view].light()
-    if recipe.fault and not FAULTS[recipe.fault].single:  # a lamp asks for a shorter exposure
+    if recipe.fault and not KNOWN[recipe.fault].single:  # a lamp asks for a shorter exposure
         brightest = max(brightest, *(float(one.max()) for one in lights))
     unit, taken = BRIGHTEST / brightest, {}
     for view, (exposure, one) in enumerate(zip(exposures, lights, strict=True)):
@@ -146,7 +146,7 @@ def _with_fault(recipe: Recipe, plain: Exposures, brightest: float) -> Exposures
     """Return the exposures with the recipe's fault, if it has one."""
     if not recipe.fault:
         return plain
-    fault = FAULTS[recipe.fault]
+    fault = KNOWN[recipe.fault]
     size = (fault.settle if recipe.half == "settle" else fault.report)[recipe.size]
     random = np.random.default_rng([recipe.seed, zlib.crc32(recipe.fault.encode())])
     return fault.make(plain, Setting(recipe.view, size, brightest, random))

@@ -28,7 +28,7 @@ from tomo.cli.outputs import check_output_folder
 from tomo.cli.usage import command_line
 
 JUDGE = "judge"
-PARTS = JUDGE, "accuracy", "ablation", "resolution", "intervals"
+PARTS = JUDGE, "accuracy", "ablation", "resolution", "intervals", "learned"
 
 QUICK_SECONDS = 660
 """From which no scene of a quick run is begun: it ends within a quarter of an hour."""

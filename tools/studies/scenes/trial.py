@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -94,8 +95,10 @@ def row_of(
 
     scene = known_scene(recipe, cache)
     warm_up()
+    started = time.process_time()
     with patched(constants or {}):
         outcome = reconstruct(scene.scan, None, Options.from_mapping(options or {}))
+    spent = time.process_time() - started
     seconds = outcome.seconds
     quality = outcome.solution.quality
     row: Row = {
@@ -105,7 +108,10 @@ def row_of(
         "nrmse": quality["nrmse"],
         "cosine_distance": quality["cosine_distance"],
         "seconds": seconds_of(outcome),
+        "cpu_seconds": spent,
         "method": outcome.solution.settings.get("method"),
+        "stop_reason": outcome.solution.stop_reason,
+        "learned": outcome.solution.weights is not None,
         "strength": outcome.solution.settings.get("strength"),
         "basis": outcome.basis.get("name"),
         "warnings": list(outcome.warnings),
