@@ -200,10 +200,11 @@ def test_gradients_are_the_same_bits_every_time(random_rays, on_threads):
 def test_frames_share_the_encoder_and_have_voxels_of_their_own(random_rays):
     rays = random_rays([5, 3, 4])
     both = everything((2, 7), nodes=7)
+    both.absorber.data = torch.linspace(0, 0.3, 7, dtype=torch.float64)
     together = both(rays.take(torch.tensor([2, 4, 0, 3])))
     for frame, place, numbers in ((0, [0, 2], [2, 0]), (1, [1, 3], [1, 0])):
         alone = everything(7)
-        alone.voxels.data = both.voxels[frame].detach()
+        alone.voxels.data, alone.absorber.data = both.voxels[frame].detach(), both.absorber.data
         found = alone(rays.take(torch.tensor(numbers)))
         torch.testing.assert_close(together[place], found, rtol=1e-12, atol=0)
 

@@ -163,12 +163,12 @@ def test_a_training_goes_on_from_its_state_to_the_same_bits(joint):
     whole, first, second = (
         joint(Encoder("relative", variant="batch-norm", blocks=1), halve_every=2) for _ in range(3)
     )
-    whole.run(4, 0.0, lambda history: False)
-    first.run(4, 0.0, lambda history: len(history) == 3)
+    whole.run(5, 0.0, lambda history: False)
+    first.run(5, 0.0, lambda history: len(history) == 3)
     second.load_state_dict(None)
     assert not second.history
     second.load_state_dict(first.state_dict())
-    assert second.run(4, 0.0, lambda history: False) == "all 4 epochs done"
+    assert second.run(5, 0.0, lambda history: False) == "all 5 epochs done"
     for name, value in whole.model.state_dict().items():
         assert torch.equal(second.model.state_dict()[name], value)
     residuals = [[one.relative_residual for one in each.history] for each in (whole, second)]
