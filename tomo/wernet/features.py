@@ -114,7 +114,8 @@ class RayFeatures:
 
     def of_segments(self, segment: torch.Tensor, ray: torch.Tensor) -> torch.Tensor:
         """Return the features of some segments, ``(E, F)``: their numbers, and those of rays."""
-        return torch.cat([self.of_ray[ray], self.of_segment[segment]], dim=1)
+        of_ray = self.of_ray.index_select(0, ray)  # several times faster than of_ray[ray]
+        return torch.cat([of_ray, self.of_segment.index_select(0, segment)], dim=1)
 
     def with_column(self, column: int, values: NDArray) -> RayFeatures:
         """Return the features with ``values`` (S,) in a column of those of segments."""

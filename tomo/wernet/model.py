@@ -115,7 +115,9 @@ class WERNet(nn.Module):
         """Return what the encoder gives for each segment, ``(E,)``; None without one."""
         if self.encoder is None:
             return None
-        return self.encoder(_as(rays.features, self.voxels), _as(rays.mask, self.voxels))[rays.row]
+        return self.encoder(
+            _as(rays.features, self.voxels), _as(rays.mask, self.voxels)
+        ).index_select(0, rays.row)
 
     def pixels(self, rays: RayBatch, encoded: torch.Tensor | None) -> torch.Tensor:
         """Return the pixels of some rays, ``(B,)``, with what the encoder gave."""

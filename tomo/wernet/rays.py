@@ -243,17 +243,19 @@ class Rays:
         order = torch.arange(len(ray), device=ray.device)
         of_segment = order.repeat_interleave(count, output_size=size)  # (E,)
         place = torch.arange(size, device=ray.device)
-        segment = place + (self.start[ray] - ends + count)[of_segment]
+        segment = place + (self.start[ray] - ends + count).index_select(0, of_segment)
         row = place + of_segment + 1
         mask = self.length.new_zeros(size + len(ray) + 1, 1)
         mask[row] = 1
-        described = self.features.of_segments(segment, ray[of_segment])
-        features = described.new_zeros(len(mask), described.shape[1])
-        features[row] = described
-        voxel = self.voxel[segment].long() + (frame * self.unknowns)[of_segment]
-        radius = self.squared_radius
+        described = self.features.of_segments(segment, ray.index_select(0, of_segment))
+        features = described.new_zeros(len(mask), described.shape[1]).index_copy_(
+            0, row, described
+        )
+        voxel = self.voxel.index_select(0, segment).long()
+        voxel += (frame * self.unknowns).index_select(0, of_segment)
+        length, radius = self.length.index_select(0, segment), self.squared_radius
         return RayBatch(
-            count, row, mask, features, voxel, self.length[segment], numbers, self.view[ray],
+            count, row, mask, features, voxel, length, numbers, self.view[ray],
             None if radius is None else radius[ray],
         )  # fmt: skip
 
