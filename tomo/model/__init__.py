@@ -11,7 +11,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "blur": ["Blur"],
         "corrections": ["Corrections"],
         "effect": ["Effect", "Prediction"],
-        "fall_off": ["FallOff"],
+        "fall_off": ["FallOff", "squared_radius"],
         "gain": ["Gain"],
         "gauge": ["without_gauge"],
         "observation": ["Observation"],

@@ -38,7 +38,7 @@ class FallOff:
     def columns(self, at: Prediction) -> NDArray[np.float64]:
         """Return ``-r² (A x)``, ``(1, pixels)``."""
         parts = [
-            -at.of_view(view, image * _squared_radius(camera.image_size))
+            -at.of_view(view, image * squared_radius(camera.image_size))
             for view, (camera, image) in enumerate(zip(at.observation.rig, at.images, strict=True))
         ]
         return np.concatenate(parts)[None]
@@ -46,7 +46,7 @@ class FallOff:
     def applied(self, observation: Observation, values: NDArray[np.float64]) -> Observation:
         """Return the images over their fall-off."""
         images = tuple(
-            (image / (1 - loss * _squared_radius(camera.image_size))).astype(image.dtype)
+            (image / (1 - loss * squared_radius(camera.image_size))).astype(image.dtype)
             for camera, image, loss in zip(
                 observation.rig, observation.images, values[:, 0], strict=True
             )
@@ -54,7 +54,11 @@ class FallOff:
         return replace(observation, images=images)
 
 
-def _squared_radius(size: tuple[int, int]) -> NDArray[np.float64]:
+def squared_radius(size: tuple[int, int]) -> NDArray[np.float64]:
+    """Return the squared distance of pixels from the image's middle, one in its corners: (h, w).
+
+    ``size`` is (width, height).
+    """
     x, y, radius = image_frame(size)
     width, height = size
     return (x**2 + y**2) * radius**2 / ((width / 2) ** 2 + (height / 2) ** 2)

@@ -124,7 +124,7 @@ def _load(path: Path, kind: tuple[str, int], expected: str) -> dict[str, Any]:
     ValueError
         If it cannot be read, or is of another kind or version.
     """
-    if not path.is_file():
+    if not path.exists():
         raise FileNotFoundError(f"{path}: no such file, expected {expected}")
     check_plain_file(path)
     try:

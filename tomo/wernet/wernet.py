@@ -145,6 +145,11 @@ def wernet(
     else:
         name = "in memory" if isinstance(encoder, Encoder) else str(encoder)
         own = own_copy(encoder, ("optics",))
+        if own.couples_rays:
+            raise ValueError(
+                "encoder: found one with batch normalisation, expected one without: the weights "
+                "of a view would depend on which others are there"
+            )
     hidden = [feature for effect in refused for feature in IDENTIFYING[effect]]
     seen = OPTICS if own.shown is None else own.shown
     shown = [feature for feature in seen if feature not in hidden]

@@ -289,3 +289,10 @@ def test_segments_without_midpoints_are_refused(scene):
     plain = Projector(Segments(s.ptr, s.voxel, s.length), one.grid, one.projector.view_ptr)
     with pytest.raises(ValueError, match="trace with midpoints=True"):
         wernet(plain, one.measured)
+
+
+def test_an_encoder_that_couples_rays_is_refused(scene):
+    one = scene()
+    encoder = Encoder("optics", variant="batch-norm")
+    with pytest.raises(ValueError, match="encoder: found one with batch normalisation, expected"):
+        wernet(one.projector, one.measured, encoder=encoder)
