@@ -126,6 +126,8 @@ def _load(path: Path, kind: tuple[str, int], expected: str) -> dict[str, Any]:
     """
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file, expected {expected}")
+    if path.is_dir():
+        raise ValueError(f"{path}: found a folder, expected {expected}")
     check_plain_file(path)
     try:
         with zipfile.ZipFile(path) as archive:  # torch.save writes zip archives

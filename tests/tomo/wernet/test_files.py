@@ -183,7 +183,7 @@ def test_no_file_or_a_folder_is_named(path):
     with pytest.raises(FileNotFoundError, match=r"encoder\.pt: no such file, expected an encoder"):
         load_encoder(path)
     path.mkdir(parents=True)
-    with pytest.raises(OSError, match=r"encoder\.pt"):
+    with pytest.raises(ValueError, match=r"encoder\.pt: found a folder, expected an encoder"):
         load_encoder(path)
-    with pytest.raises(OSError, match=r"encoder\.pt"):
+    with pytest.raises(ValueError, match=r"encoder\.pt: found a folder, expected the state"):
         load_training(path, "a problem")
