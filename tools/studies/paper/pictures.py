@@ -59,8 +59,10 @@ def draw(part: str, rows: Mapping[str, Row], records: Records, out: Path) -> Non
 
 def _draw_sections(rows: Mapping[str, Row], records: Records, out: Path, path: Path) -> None:
     """Draw the middle plane of each row: the truth, the volume found, and their difference."""
-    figure = new_figure(2.3 * len(rows) + 1.0, 4.2)
-    grid = figure.add_gridspec(1, len(rows), wspace=0.18, left=0.06, right=0.92, top=0.8)
+    width = 2.1 * len(rows) + 1.6  # inches
+    figure = new_figure(width, 4.2)
+    left, right = 0.6 / width, 1 - 1.0 / width
+    grid = figure.add_gridspec(1, len(rows), wspace=0.18, left=left, right=right, top=0.8)
     shown = {}
     for place, (name, row) in zip(grid, rows.items(), strict=True):
         truth = truth_of(row.flame, row.grid)
@@ -83,7 +85,9 @@ def _draw_sections(rows: Mapping[str, Row], records: Records, out: Path, path: P
             axes.tick_params(left=axes is three[0])
             if number == len(shown) - 1 and axes is not three[0]:
                 low = 0.12 if axes is three[2] else 0.5
-                bar = figure.colorbar(drawn, cax=figure.add_axes((0.94, low, 0.008, 0.3)))
+                bar = figure.colorbar(
+                    drawn, cax=figure.add_axes((right + 0.2 / width, low, 0.08 / width, 0.3))
+                )
                 bar.ax.tick_params(labelsize=6, colors=MUTED)
                 bar.set_label(
                     "difference" if axes is three[2] else "emission over its maximum", fontsize=6
