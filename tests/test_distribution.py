@@ -64,6 +64,7 @@ def test_the_wheel_holds_the_packages_and_their_data_alone(built):
     wanted |= names_beside("tomo/draw/templates", "*.html")
     wanted |= names_beside("rigs/presets", "*.yaml")
     wanted |= names_beside("tomo/wernet/settings_files", "*.yaml")
+    wanted |= names_beside("tomo/operators/gpu", "*.cu")
     assert names == wanted
     (entry_points,) = (text for name, text in texts.items() if name.endswith("entry_points.txt"))
     assert b"flametomo = tomo.cli:main" in entry_points

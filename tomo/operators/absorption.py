@@ -163,11 +163,11 @@ def _followed(
     """Return what takes rays to the segments of their pieces, and the fraction that arrives."""
     strengths, extinction = (absorption.medium, absorption.emission), absorption.extinction
     find = tracing(grid, tracer, midpoints=True, active=active)
-    given = None if extinction is None else _on_grid(extinction, grid)
+    given = None if extinction is None else extinction_on_grid(extinction, grid)
 
     def follow(rays: Rays) -> tuple[Segments, NDArray[np.floating]]:
         plain = find(replace(rays, pixel_ptr=np.arange(len(rays) + 1), path_ptr=None))
-        outside = None if extinction is None else _around(extinction, rays, grid)
+        outside = None if extinction is None else depth_around(extinction, rays, grid)
         return plain, transmission(
             plain, rays, grid, *strengths, emission, extinction=given, outside=outside
         )
@@ -176,12 +176,12 @@ def _followed(
 
 
 @lru_cache(maxsize=2)
-def _on_grid(extinction: ExtinctionVolume, grid: VoxelGrid) -> NDArray[np.float64]:
+def extinction_on_grid(extinction: ExtinctionVolume, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return the mean extinction in each voxel of a grid, ``(voxels,)``."""
     return extinction.means(grid.lower, grid.spacing, grid.shape).ravel()
 
 
-def _around(
+def depth_around(
     extinction: ExtinctionVolume, rays: Rays, grid: VoxelGrid
 ) -> NDArray[np.float64] | None:
     """Return the optical depth of pieces before and after the grid, ``(pieces, 2)``.

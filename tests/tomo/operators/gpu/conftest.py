@@ -1,0 +1,101 @@
+"""The kernels compiled for the host by the system's C++ compiler, and a device that runs them."""
+
+import ctypes
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tomo.operators.gpu import CudaDevice, DeviceError
+from tomo.operators.gpu.kernels import NAMES, source
+
+HERE = Path(__file__).parent
+COMPILER = next(filter(None, map(shutil.which, (os.environ.get("CXX", "g++"), "clang++"))), None)
+
+
+class HostDevice:
+    """A device whose memory is the host's; ``order`` seeds the order in which threads run."""
+
+    name = "host"
+
+    def __init__(self, libraries, order=None):
+        self.libraries, self.order = libraries, order
+
+    def array(self, values):
+        return np.array(values, order="C")
+
+    def zeros(self, shape, dtype):
+        return np.zeros(shape, dtype)
+
+    def write(self, target, values):
+        target[:] = values
+
+    def host(self, values):
+        return np.array(values)
+
+    def adopt(self, values):
+        return np.ascontiguousarray(np.from_dlpack(values))
+
+    def free_bytes(self):
+        return 1 << 40
+
+    def launch(self, kernel, values, threads, *arguments):
+        cells = [
+            ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one
+            for one in arguments
+        ]
+        assert all(one.flags.c_contiguous for one in arguments if isinstance(one, np.ndarray))
+        pointers = (ctypes.c_void_p * len(cells))()
+        kept = [one if isinstance(one, ctypes.c_void_p) else np.array(one) for one in cells]
+        for i, one in enumerate(kept):
+            is_pointer = isinstance(one, ctypes.c_void_p)
+            pointers[i] = ctypes.addressof(one) if is_pointer else one.ctypes.data
+        order = None
+        if self.order is not None:
+            order = np.random.default_rng(self.order).permutation(threads)
+        run = getattr(self.libraries[np.dtype(values).name], f"host_{kernel}")
+        at = None if order is None else ctypes.c_void_p(order.ctypes.data)
+        run(ctypes.c_longlong(threads), at, pointers)
+
+
+@pytest.fixture(scope="session")
+def libraries(tmp_path_factory):
+    """Return the kernels as shared libraries, by the name of their type."""
+    if COMPILER is None:
+        pytest.skip("no C++ compiler: found neither g++ nor clang++")
+    folder, found = tmp_path_factory.mktemp("kernels"), {}
+    for kind in ("float32", "float64"):
+        text = [f'#include "{HERE / "host.hpp"}"', source(kind), *(f"HOST({n})" for n in NAMES)]
+        (folder / f"{kind}.cpp").write_text("\n".join(text), "utf-8")
+        command = [
+            COMPILER, "-std=c++14", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-Wall",
+            "-Werror", "-o", folder / f"{kind}.so", folder / f"{kind}.cpp",
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        found[kind] = ctypes.CDLL(str(folder / f"{kind}.so"))
+    return found
+
+
+@pytest.fixture(scope="session")
+def host(libraries):
+    """Return the device that runs the host's build."""
+    return HostDevice(libraries)
+
+
+@pytest.fixture(scope="session")
+def shuffled(libraries):
+    """Return one that runs threads in an order drawn by chance."""
+    return HostDevice(libraries, order=7)
+
+
+@pytest.fixture(scope="session")
+def cuda():
+    """Return a CUDA device, or skip with what is missing."""
+    try:
+        return CudaDevice()
+    except DeviceError as error:
+        pytest.skip(str(error))

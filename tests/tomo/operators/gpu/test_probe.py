@@ -1,0 +1,147 @@
+"""An operator goes to a device only where the device computes what the CPU does."""
+
+import re
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+import rigs
+from tomo.grid import VoxelGrid
+from tomo.operators import Absorption, LinearSystem
+from tomo.operators.gpu import CudaDevice, DeviceError, DeviceMatrix, DeviceProjector, on_device
+from tomo.solvers import cgls
+
+GRID = VoxelGrid((9, 8, 10), (1.0, 1.2, 0.9), (3.0, -2.0, 1.0))
+RIG = rigs.ring(
+    3, distance=400.0, image_size=(26, 24), footprint=0.8, center=GRID.center, pitch_degrees=20.0
+)
+
+
+def system(form):
+    return LinearSystem.from_rig(RIG, GRID, form=form)
+
+
+@pytest.mark.parametrize(
+    ("form", "kind"), [("stored", DeviceMatrix), ("on-the-fly", DeviceProjector)]
+)
+def test_a_solve_is_that_of_the_cpu(form, kind, host):
+    own = system(form).projector
+    moved, reason = on_device(own, host)
+    assert isinstance(moved, kind)
+    assert reason == "computed on host"
+    measured = own @ np.random.default_rng(0).random(own.shape[1], np.float32)
+    volume, there = cgls(own, measured).volume, cgls(moved, measured).volume
+    assert np.linalg.norm(there - volume) < 1e-4 * np.linalg.norm(volume)
+
+
+def test_a_blur_around_the_rays_stays_on_the_cpu(host):
+    linear = system("on-the-fly").with_linear_basis()
+    gas = linear.with_absorption(Absorption(0.05), np.ones(GRID.shape)).projector
+    x = np.random.default_rng(1).random(gas.shape[1])
+    for own in (linear.projector, gas):
+        moved, _ = on_device(own, host)
+        assert isinstance(moved.without_blur, DeviceProjector)
+        np.testing.assert_allclose(moved @ x, own @ x, rtol=1e-5)
+
+
+class Faulty:
+    """A device of which one kernel does something else: it adds ``error`` to its result."""
+
+    def __init__(self, device, kernel, argument, change):
+        self._device, self._kernel, self._argument, self._change = device, kernel, argument, change
+        self.name = "faulty"
+
+    def __getattr__(self, name):
+        return getattr(self._device, name)
+
+    def launch(self, kernel, values, threads, *arguments):
+        self._device.launch(kernel, values, threads, *arguments)
+        if kernel == self._kernel:
+            self._change(arguments[self._argument])
+
+
+def turn(values):
+    values[:] = np.roll(values, 1)
+
+
+def darken(values):
+    values.fill(np.nan)
+
+
+class Drift:
+    """A little more at every call: adjoints that float atomics would make."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def __call__(self, sums):
+        self.calls += 1
+        sums += np.uint64(self.calls << 41)
+
+
+@pytest.mark.parametrize(
+    ("kernel", "argument", "change", "reason"),
+    [
+        ("forward_1", 6, turn, "found images .* from the CPU's, expected at most 1e-05"),
+        ("forward_1", 6, darken, "found images nan from the CPU's, expected at most 1e-05"),
+        ("adjoint_1", 8, turn, "found back-projection .* from the CPU's, expected at most 1e-05"),
+        (
+            "adjoint_1",
+            8,
+            Drift(),
+            "found other bits in a second back-projection, expected the same",
+        ),
+    ],
+)
+def test_a_device_that_computes_something_else_is_not_used(host, kernel, argument, change, reason):
+    own = system("on-the-fly").projector
+    moved, found = on_device(own, Faulty(host, kernel, argument, change))
+    assert moved is own
+    assert re.fullmatch(f"GPU: faulty: {reason}: computed on the CPU", found)
+
+
+class Small:
+    """A device with less memory than an operator needs."""
+
+    name = "small"
+
+    def free_bytes(self):
+        return 50_000
+
+
+@pytest.mark.parametrize("form", ["stored", "on-the-fly"])
+def test_too_little_memory_is_said_before_the_work(form):
+    own = system(form).projector
+    moved, found = on_device(own, Small())
+    assert moved is own
+    assert re.fullmatch(
+        r"GPU: small: 0\.00 GB needed and 0\.00 GB free; \d+ voxels would fit, found 720: "
+        "computed on the CPU",
+        found,
+    )
+
+
+def test_without_cupy_one_line_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    expected = "GPU: found no CuPy, expected it: pip install 'flametomo[gpu]'"
+    with pytest.raises(DeviceError) as caught:
+        CudaDevice()
+    assert str(caught.value) == expected
+    own = system("stored").projector
+    assert on_device(own) == (own, f"{expected}: computed on the CPU")
+
+
+def test_without_a_driver_one_line_says_so(monkeypatch):
+    def count():
+        raise RuntimeError("cudaErrorInsufficientDriver: CUDA driver version is insufficient")
+
+    runtime = SimpleNamespace(getDeviceCount=count)
+    cupy = SimpleNamespace(cuda=SimpleNamespace(runtime=runtime))
+    monkeypatch.setitem(sys.modules, "cupy", cupy)
+    with pytest.raises(DeviceError, match=r"^GPU: found no CUDA device: cudaErrorInsufficientDri"):
+        CudaDevice()
+    runtime.getDeviceCount = lambda: 1
+    with pytest.raises(DeviceError, match=r"^GPU: found no device 2, expected 0 to 0$"):
+        CudaDevice(2)

@@ -1,0 +1,150 @@
+"""A CUDA device: memory, kernels compiled at run time, arrays of other libraries (CuPy)."""
+
+from __future__ import annotations
+
+import importlib
+from functools import cache
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from tomo.operators.gpu.kernels import source
+
+THREADS_A_BLOCK = 128
+"""Threads that are scheduled together: fewer leave multiprocessors idle, more leave none of the
+registers that a walk takes, about 80."""
+
+OPTIONS = ("--fmad=false", "--std=c++14")
+"""No contraction of a * b + c: the host's build gives the same bits."""
+
+NOTHING = np.uint64(0)
+"""A null pointer."""
+
+
+class DeviceError(RuntimeError):
+    """There is no device to compute on, or it lacks something; one line says what."""
+
+
+class Device(Protocol):
+    """What operators ask of a device. Arrays on it are of a type of its own."""
+
+    name: str
+
+    def array(self, values: NDArray) -> Any:
+        """Return a copy on the device, in rows."""
+
+    def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+        """Return an array of zeros on the device."""
+
+    def write(self, target: Any, values: NDArray) -> None:
+        """Copy values to a part of an array of the device, in rows and of the same type."""
+
+    def host(self, values: Any) -> NDArray:
+        """Return a copy of an array of the device in NumPy's."""
+
+    def adopt(self, values: Any) -> Any:
+        """Return another library's array on the device, in rows, without a copy where it can."""
+
+    def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
+        """Run a kernel, compiled for float32 or float64 ``values``, on so many threads.
+
+        Arguments are arrays of the device, NumPy's scalars of the kernel's types, or `NOTHING`.
+        """
+
+    def free_bytes(self) -> int:
+        """Return how much memory is free."""
+
+
+class CudaDevice:
+    """A CUDA device, through CuPy.
+
+    Parameters
+    ----------
+    number : int
+        As CUDA counts the devices.
+
+    Raises
+    ------
+    DeviceError
+        If CuPy, the driver or the device is missing.
+    """
+
+    def __init__(self, number: int = 0) -> None:
+        try:
+            self._cupy: Any = importlib.import_module("cupy")
+        except ImportError as error:
+            raise DeviceError(
+                "GPU: found no CuPy, expected it: pip install 'flametomo[gpu]'"
+            ) from error
+        try:
+            count = self._cupy.cuda.runtime.getDeviceCount()
+        except Exception as error:  # CUDARuntimeError, where there is no driver or an old one
+            raise DeviceError(f"GPU: found no CUDA device: {_line(error)}") from error
+        if not 0 <= number < count:
+            raise DeviceError(f"GPU: found no device {number}, expected 0 to {count - 1}")
+        self._device = self._cupy.cuda.Device(number)
+        properties = self._cupy.cuda.runtime.getDeviceProperties(number)
+        self.name = f"{properties['name'].decode()} (cuda:{number})"
+        self._module = cache(self._compiled)
+
+    def __repr__(self) -> str:
+        """Name the device."""
+        return f"<CudaDevice: {self.name}>"
+
+    def _compiled(self, values: np.dtype) -> Any:
+        """Return the kernels for one type; the compiler's first line is shown where it refuses."""
+        try:
+            module = self._cupy.RawModule(code=source(values), options=OPTIONS)
+            module.compile()
+        except Exception as error:  # CompileException, and what a missing compiler raises
+            raise DeviceError(f"GPU: kernels do not compile: {_line(error)}") from error
+        return module
+
+    def array(self, values: NDArray) -> Any:
+        """Return a copy on the device, in rows."""
+        with self._device:
+            return self._cupy.array(values, order="C")
+
+    def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
+        """Return an array of zeros on the device."""
+        with self._device:
+            return self._cupy.zeros(shape, dtype)
+
+    def write(self, target: Any, values: NDArray) -> None:
+        """Copy values to a part of an array of the device, in rows and of the same type."""
+        with self._device:
+            target.set(values)
+
+    def host(self, values: Any) -> NDArray:
+        """Return a copy of an array of the device in NumPy's."""
+        with self._device:
+            return self._cupy.asnumpy(values)
+
+    def adopt(self, values: Any) -> Any:
+        """Return another library's array on the device, in rows, without a copy where it can."""
+        with self._device:
+            return self._cupy.ascontiguousarray(self._cupy.from_dlpack(values))
+
+    def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
+        """Run a kernel; see `Device`."""
+        if threads == 0:
+            return
+        blocks = -(-threads // THREADS_A_BLOCK)
+        with self._device:
+            function = self._module(np.dtype(values)).get_function(kernel)
+            function((blocks,), (THREADS_A_BLOCK,), arguments)
+
+    def free_bytes(self) -> int:
+        """Return how much memory is free: of the device, and of what CuPy keeps for reuse."""
+        with self._device:
+            pool = self._cupy.get_default_memory_pool()
+            return int(self._cupy.cuda.runtime.memGetInfo()[0]) + int(pool.free_bytes())
+
+
+def _line(error: Exception) -> str:
+    """Return the first line of an error that says something."""
+    lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+    return next(
+        (line for line in lines if "error" in line.lower()), next(iter(lines), repr(error))
+    )

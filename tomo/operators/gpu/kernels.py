@@ -1,0 +1,24 @@
+"""The text of the kernels, for whichever compiler: CUDA's at run time, the host's in tests."""
+
+from __future__ import annotations
+
+from importlib.resources import files
+
+import numpy as np
+from numpy.typing import DTypeLike
+
+FILES = ("walk.cu", "projection.cu")
+
+NAMES = (
+    "forward_1", "forward_4", "dimmed_forward", "adjoint_1", "adjoint_4", "dimmed_adjoint",
+    "largest", "spread", "collect", "row_parts", "row_totals",
+)  # fmt: skip
+"""The kernels that are launched by name."""
+
+
+def source(values: DTypeLike) -> str:
+    """Return the whole text for volumes and images of one type, float32 or float64."""
+    real = {np.dtype(np.float32): "float", np.dtype(np.float64): "double"}[np.dtype(values)]
+    folder = files("tomo.operators.gpu")
+    parts = [folder.joinpath(name).read_text("utf-8") for name in FILES]
+    return "\n".join([f"typedef {real} real;", *parts])

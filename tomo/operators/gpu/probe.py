@@ -1,0 +1,128 @@
+"""Take an operator to a device, compared with the CPU's before anything relies on it."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tomo.operators.gpu.device import CudaDevice, Device, DeviceError
+from tomo.operators.gpu.device_operator import DeviceOperator
+from tomo.operators.gpu.matrix import DeviceMatrix
+from tomo.operators.gpu.projector import DeviceProjector
+from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
+from tomo.operators.operator import ProjectionOperator
+from tomo.operators.stored import Projector
+
+PROBED = 100
+"""Pixels that are compared: fewer miss a kind of ray, more take time at every start."""
+
+AGREES = 1e-5
+"""Largest difference, as a fraction of the largest value: float32 alone makes up to 1e-6, and a
+voxel taken for its neighbour 1e-2."""
+
+MOST_VOXELS = 2**31 - 1
+"""Voxels of a grid on a device: stored entries number them in 32 bits."""
+
+
+def on_device(
+    operator: ProjectionOperator, device: Device | None = None
+) -> tuple[ProjectionOperator, str]:
+    """Return the same operator on a device, and where it is; or itself, and why.
+
+    Parameters
+    ----------
+    operator : ProjectionOperator
+        An image blur or another basis around the rays stays on the CPU: arguments and results of
+        such an operator are NumPy's.
+    device : Device, optional
+        The first CUDA device when None.
+
+    Notes
+    -----
+    The products of a hundred pixels, spread over all, are compared with the CPU's, and a second
+    adjoint with the first, bit by bit. It is the CPU's operator that a difference, an error of the
+    device, or too little memory returns.
+    """
+    try:
+        device = CudaDevice() if device is None else device
+        if too_large := _too_large(operator.without_blur, device):
+            return operator, too_large
+        moved = operator.with_rays(lambda rays: _moved(rays, device))
+        found = difference(operator.without_blur, moved.without_blur)
+    except DeviceError as error:
+        return operator, f"{error}: computed on the CPU"
+    except Exception as error:
+        if not type(error).__module__.startswith("cupy"):  # a mistake of ours is no fallback
+            raise
+        return operator, f"GPU: {type(error).__name__}: {error}: computed on the CPU"
+    if found:
+        return operator, f"GPU: {device.name}: {found}: computed on the CPU"
+    return moved, f"computed on {device.name}"
+
+
+def difference(operator: ProjectionOperator, moved: ProjectionOperator) -> str:
+    """Return how products of some pixels differ from the CPU's; nothing where they agree."""
+    if operator.shape[0] == 0:
+        return ""
+    pixels = np.unique(np.linspace(0, operator.shape[0] - 1, PROBED).astype(np.int64))
+    own, there = operator.take(pixels), moved.take(pixels)
+    random = np.random.default_rng(0)
+    x, y = random.random(own.shape[1]), random.normal(size=own.shape[0])
+    single = y.astype(np.float32)
+    for name, right, found in (
+        ("images", own @ x, there @ x.astype(np.float32)),
+        ("back-projection", own.T @ y, there.T @ single),
+    ):
+        off = _relative(right, found)
+        if not off <= AGREES:
+            return f"found {name} {off:.2g} from the CPU's, expected at most {AGREES:g}"
+    if not np.array_equal(there.T @ single, there.T @ single):
+        return "found other bits in a second back-projection, expected the same"
+    return ""
+
+
+def _relative(right: NDArray[np.floating], found: NDArray[np.floating]) -> float:
+    """Return the largest difference as a fraction of the largest value."""
+    scale = float(np.abs(right).max(initial=0.0))
+    off = float(np.abs(found - right).max(initial=0.0))
+    return off / scale if scale > 0 else off
+
+
+def _moved(rays: ProjectionOperator, device: Device) -> DeviceOperator:
+    """Return the operator of rays on a device."""
+    if isinstance(rays, Projector):
+        return DeviceMatrix(rays, device)
+    if isinstance(rays, OnTheFlyProjector):
+        return DeviceProjector(rays, device)
+    if isinstance(rays, AttenuatedProjector):
+        return DeviceProjector(rays.rays, device).with_absorption(rays.absorption, rays.emission)
+    raise DeviceError(f"GPU: found a {type(rays).__name__}, expected rays of a Projector")
+
+
+def _too_large(rays: ProjectionOperator, device: Device) -> str:
+    """Return why an operator does not fit on a device; nothing where it does."""
+    voxels = rays.grid.size
+    if voxels > MOST_VOXELS:
+        return f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}: computed on the CPU"
+    fixed, each = _bytes_needed(rays)
+    free = device.free_bytes()
+    if fixed + each * voxels <= free:
+        return ""
+    room = max(free - fixed, 0) // each
+    return (
+        f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and {free / 1e9:.2f} "
+        f"GB free; {room} voxels would fit, found {voxels}: computed on the CPU"
+    )
+
+
+def _bytes_needed(rays: ProjectionOperator) -> tuple[int, int]:
+    """Return the bytes of an operator with its vectors of one column, and those of each voxel."""
+    if isinstance(rays, Projector):  # entries, and the transpose's; spans and parts of rows
+        return 16 * rays.n_segments + 88 * rays.shape[0], 88
+    absorbs = isinstance(rays, AttenuatedProjector)
+    transparent: Any = rays.without_absorption if absorbs else rays
+    numbers = sum(source.ray_count(0, source.n_pixels) for source in transparent._sources)
+    of_ray = 65 + 16 * absorbs
+    return of_ray * numbers + 24 * rays.shape[0], 28 + 8 * absorbs

@@ -1,0 +1,290 @@
+"""The projection without a stored matrix, on a device: lengths are computed at every product."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
+
+from tomo.grid import VoxelGrid
+from tomo.operators.absorption import Absorption, depth_around, extinction_on_grid
+from tomo.operators.gpu.device import NOTHING, Device
+from tomo.operators.gpu.device_operator import DeviceOperator
+from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
+
+BITS = 62
+"""Bits of the largest sum of whole numbers: more leave no room for the sign and the roundings."""
+
+TOGETHER = 4
+"""Columns that share a walk: as the kernels are written."""
+
+STRANDS = 1 << 14
+"""Threads a column that look for the largest pixel: fewer read slowly, more wait to compare."""
+
+
+@dataclass(frozen=True, eq=False)
+class DeviceRays:
+    """Rays, voxels and gas on a device, which projectors of some of the pixels share.
+
+    Attributes
+    ----------
+    rays : (N, 8) float64
+        Origin, direction, length and weight of each ray.
+    is_first : (N,) uint8
+        Whether a ray begins a path of light.
+    grid : (4, 3) float64
+        Lower and upper corner, spacing and shape of the grid.
+    index, active : (unknowns,) int64, (voxels,) uint8
+        The unknowns' voxels, and whether a voxel is one; `NOTHING` where all are.
+    most : float
+        A bound of the sum of a voxel's lengths, ``max_v (A^T 1)_v``.
+    gas : tuple
+        Medium, extinction, depth outside the grid and ``is_first``, as the kernels take them;
+        empty where nothing absorbs.
+    """
+
+    rays: Any
+    is_first: Any
+    grid: Any
+    index: Any
+    active: Any
+    most: float
+    gas: tuple[Any, ...] = ()
+
+
+class DeviceProjector(DeviceOperator):
+    """The matrix of lengths of `OnTheFlyProjector`, computed on a device at every product.
+
+    Parameters
+    ----------
+    projector : OnTheFlyProjector
+        Whose rays are copied to the device, 64 bytes each.
+    device : Device
+
+    Notes
+    -----
+    `tomo.operators.gpu` has the method. A product takes the memory of a volume: of 64-bit integers
+    for each of up to four columns (adjoint), of values where not all voxels are active (forward).
+    A voxel that is not finite reaches the rays that cross it; a pixel, all voxels that it sees.
+
+    The whole numbers count multiples of ``1 / u``, ``u`` the largest power of two with
+    ``max|y| max_v (A^T 1)_v u < 2^62``: sums are exact, a piece is rounded to half of one.
+    """
+
+    def __init__(self, projector: OnTheFlyProjector, device: Device) -> None:
+        active = projector.active
+        count = sum(source.ray_count(0, source.n_pixels) for source in projector._sources)
+        self._shared = DeviceRays(
+            device.zeros((count, 8), np.float64),
+            device.zeros((count,), np.uint8),
+            device.array(_numbers_of(projector.grid)),
+            NOTHING if active.index is None else device.array(active.index),
+            NOTHING if active.all else device.array(active.mask.ravel().astype(np.uint8)),
+            0.0,
+        )
+        ptr, most = self._copy_rays(projector, device)
+        self._set(projector, device, replace(self._shared, most=abs(most)), ptr[:-1], ptr[1:])
+        if most > 0:  # the sum itself, from a scale by its bound
+            self._shared = replace(self._shared, most=1.001 * float(self._sums.max(initial=0.0)))
+
+    def _copy_rays(
+        self, projector: OnTheFlyProjector, device: Device
+    ) -> tuple[NDArray[np.int64], float]:
+        """Copy the rays; return where each pixel's begin and a bound of the lengths in a voxel.
+
+        The bound is negative where a weight is.
+        """
+        ptr, weight, least, at = [np.zeros(1, np.int64)], 0.0, 0.0, 0
+        for _, _, some in projector.some_rays():
+            numbers = np.column_stack([some.origins, some.directions, some.lengths, some.weight])
+            first = np.zeros(len(some), np.uint8)
+            first[some.paths[:-1]] = 1
+            here = slice(at, at + len(some))
+            device.write(self._shared.rays[here], numbers)
+            device.write(self._shared.is_first[here], first)
+            ptr.append(at + some.pixel_ptr[1:])
+            weight += float(np.abs(some.weight).sum())
+            least = min(least, float(some.weight.min(initial=0.0)))
+            at += len(some)
+        diagonal = math.sqrt(float(np.square(projector.grid.spacing).sum()))
+        return np.concatenate(ptr), math.copysign(weight * diagonal, -1.0 if least < 0 else 1.0)
+
+    @classmethod
+    def _of(
+        cls,
+        projector: OnTheFlyProjector,
+        device: Device,
+        shared: DeviceRays,
+        starts: NDArray[np.int64],
+        stops: NDArray[np.int64],
+    ) -> DeviceProjector:
+        made = cls.__new__(cls)
+        made._set(projector, device, shared, starts, stops)
+        return made
+
+    def _set(
+        self,
+        projector: OnTheFlyProjector,
+        device: Device,
+        shared: DeviceRays,
+        starts: NDArray[np.int64],
+        stops: NDArray[np.int64],
+    ) -> None:
+        """Take the pixels whose rays are ``starts[p]:stops[p]``, those of ``projector``."""
+        self.flying, self.device, self._shared = projector, device, shared
+        self._starts, self._stops = starts, stops
+        self._seen = (
+            np.int64(len(starts)), device.array(starts), device.array(stops),
+            shared.rays, shared.grid,
+        )  # fmt: skip
+        super().__init__(
+            len(starts), projector.grid, projector.view_ptr, np.float32, projector.active
+        )
+
+    def __repr__(self) -> str:
+        """Name the sizes and the device."""
+        return (
+            f"<DeviceProjector: {self.n_views} views, {self.shape[0]} pixels, {self.grid}, "
+            f"{self.device.name}>"
+        )
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments of rays in voxels; passing an edge counts as two face crossings."""
+        return self.flying.n_segments
+
+    @property
+    def without_absorption(self) -> DeviceProjector:
+        """The operator of the same rays through transparent gas."""
+        shared = replace(self._shared, gas=())
+        return self._of(self.flying, self.device, shared, self._starts, self._stops)
+
+    def with_absorption(
+        self, absorption: Absorption, emission: NDArray[np.floating] | None = None
+    ) -> DeviceProjector:
+        """Return the operator of the same rays through gas that absorbs.
+
+        Parameters
+        ----------
+        absorption : Absorption
+        emission : (unknowns,), optional
+            ``E`` of the active voxels; needed where ``absorption.emission`` is not 0.
+        """
+        extinction = np.zeros(self.grid.size)
+        outside: Any = NOTHING
+        if absorption.emission != 0 and emission is not None:
+            extinction += absorption.emission * self.active.expand(np.ravel(emission))
+        if absorption.extinction is not None:
+            extinction += extinction_on_grid(absorption.extinction, self.grid)
+            parts = self.flying.some_rays()
+            depths = [depth_around(absorption.extinction, rays, self.grid) for _, _, rays in parts]
+            around = [depth for depth in depths if depth is not None]
+            if around:
+                outside = self.device.array(np.concatenate(around))
+        gas = (
+            np.float64(absorption.medium), self.device.array(extinction), outside,
+            self._shared.is_first,
+        )  # fmt: skip
+        shared = replace(self._shared, gas=gas)
+        return self._of(self.flying, self.device, shared, self._starts, self._stops)
+
+    def rows(self, start: int, stop: int) -> DeviceProjector:
+        """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
+        some = slice(start, stop)
+        return self._of(
+            self.flying.rows(start, stop), self.device, self._shared,
+            self._starts[some], self._stops[some],
+        )  # fmt: skip
+
+    def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> DeviceProjector:
+        return self._of(
+            self.flying._taken(pixels, view_ptr), self.device, self._shared,
+            self._starts[pixels], self._stops[pixels],
+        )  # fmt: skip
+
+    def forward(self, x: Any) -> Any:
+        """Return the images ``(pixels, columns)`` of unknowns ``(unknowns, columns)``."""
+        columns, volume = x.shape[1], x
+        if not self.active.all:
+            volume = self.device.zeros((self.grid.size, columns), x.dtype)
+            numbers = np.int64(self.shape[1]), np.int64(columns)
+            self._run("spread", x.dtype, x.size, *numbers, self._shared.index, x, volume)
+        images = self.device.zeros((self.shape[0], columns), x.dtype)
+        for first, some in self._together(columns):
+            of = volume, images, np.int64(columns), np.int64(first)
+            self._walk("forward", some, x.dtype, *of)
+        return images
+
+    def adjoint(self, y: Any) -> Any:
+        """Return the unknowns ``(unknowns, columns)`` of images ``(pixels, columns)``."""
+        columns = y.shape[1]
+        largest = self._largest(y)
+        if not np.isfinite(largest).all():
+            return self._adjoint_of_nonfinite(y)
+        values = self.device.zeros((self.shape[1], columns), y.dtype)
+        per_unit = self.device.array(_per_unit(largest * self._shared.most))
+        for first, some in self._together(columns):
+            sums = self.device.zeros((self.grid.size * some,), np.uint64)
+            of = per_unit, sums, np.int64(columns), np.int64(first)
+            self._walk("adjoint", some, y.dtype, self._shared.active, y, *of)
+            self._run(
+                "collect", y.dtype, self.shape[1] * some, np.int64(self.shape[1]), np.int64(some),
+                self._shared.index, sums, per_unit, values, np.int64(columns), np.int64(first),
+            )  # fmt: skip
+        return values
+
+    def _together(self, columns: int) -> Iterator[tuple[int, int]]:
+        """Iterate over the columns that share a walk: the first, and how many."""
+        first = 0
+        while first < columns:
+            some = TOGETHER if first + TOGETHER <= columns and not self._shared.gas else 1
+            yield first, some
+            first += some
+
+    def _walk(self, product: str, columns: int, values: DTypeLike, *of: Any) -> None:
+        """Launch a product, one thread a pixel."""
+        name = f"dimmed_{product}" if self._shared.gas else f"{product}_{columns}"
+        self._run(name, values, self.shape[0], *self._seen, *of, *self._shared.gas)
+
+    def _run(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
+        self.device.launch(kernel, values, threads, *arguments)
+
+    def _largest(self, y: Any) -> NDArray[np.float64]:
+        """Return the largest magnitude of each column, ``(columns,)``; NaN is the largest."""
+        rows, columns = y.shape
+        found = self.device.zeros((columns,), np.uint64)
+        numbers = np.int64(rows), np.int64(columns), np.int64(STRANDS)
+        self._run("largest", y.dtype, columns * STRANDS, *numbers, y, found)
+        return self.device.host(found).view(np.float64)
+
+    def _adjoint_of_nonfinite(self, y: Any) -> Any:
+        """Return the adjoint of images of which some pixels are not finite; rare, and slow."""
+
+        def one(pixels: NDArray) -> NDArray:
+            return self.device.host(self.adjoint(self.device.array(pixels[:, None]))).ravel()
+
+        images = self.device.host(y)
+        columns = [adjoint_with_nonfinite(one, each, np.isfinite(each)) for each in images.T]
+        return self.device.array(np.ascontiguousarray(np.stack(columns, axis=1)))
+
+    @property
+    def _sums(self) -> NDArray[np.float32]:
+        """The sums of columns in single precision, by the scale that there is."""
+        ones = self.device.array(np.ones((self.shape[0], 1), np.float32))
+        return self.device.host(self.adjoint(ones))
+
+
+def _numbers_of(grid: VoxelGrid) -> NDArray[np.float64]:
+    """Return a grid as the kernels take it, ``(4, 3)``."""
+    return np.stack([grid.lower, grid.upper, grid.spacing, np.asarray(grid.shape, np.float64)])
+
+
+def _per_unit(most: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the power of two for each bound of sums, ``(columns,)``; 1 where all are zero."""
+    exponents = np.minimum(BITS - np.frexp(most)[1], 1023)
+    return np.where(most > 0, np.ldexp(1.0, exponents), 1.0)
