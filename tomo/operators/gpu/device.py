@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from typing import Any, Protocol
 
@@ -67,7 +69,7 @@ class CudaDevice:
     Raises
     ------
     DeviceError
-        If CuPy, the driver or the device is missing.
+        If CuPy, the driver or the device is missing; later, where the device fails.
     """
 
     def __init__(self, number: int = 0) -> None:
@@ -94,36 +96,48 @@ class CudaDevice:
 
     def _compiled(self, values: np.dtype) -> Any:
         """Return the kernels for one type; the compiler's first line is shown where it refuses."""
+        text = source(values)
         try:
-            module = self._cupy.RawModule(code=source(values), options=OPTIONS)
+            module = self._cupy.RawModule(code=text, options=OPTIONS)
             module.compile()
         except Exception as error:  # CompileException, and what a missing compiler raises
             raise DeviceError(f"GPU: kernels do not compile: {_line(error)}") from error
         return module
 
+    @contextmanager
+    def _used(self) -> Iterator[None]:
+        """Work on the device; what goes wrong there is one line: no memory left, a device lost."""
+        try:
+            with self._device:
+                yield
+        except Exception as error:
+            if type(error).__module__.partition(".")[0] not in ("cupy", "cupy_backends"):
+                raise  # no fault of the device's
+            raise DeviceError(f"GPU: {self.name}: {_line(error)}") from error
+
     def array(self, values: NDArray) -> Any:
         """Return a copy on the device, in rows."""
-        with self._device:
+        with self._used():
             return self._cupy.array(values, order="C")
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
         """Return an array of zeros on the device."""
-        with self._device:
+        with self._used():
             return self._cupy.zeros(shape, dtype)
 
     def write(self, target: Any, values: NDArray) -> None:
         """Copy values to a part of an array of the device, in rows and of the same type."""
-        with self._device:
+        with self._used():
             target.set(values)
 
     def host(self, values: Any) -> NDArray:
         """Return a copy of an array of the device in NumPy's."""
-        with self._device:
+        with self._used():
             return self._cupy.asnumpy(values)
 
     def adopt(self, values: Any) -> Any:
         """Return another library's array on the device, in rows, without a copy where it can."""
-        with self._device:
+        with self._used():
             return self._cupy.ascontiguousarray(self._cupy.from_dlpack(values))
 
     def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
@@ -131,13 +145,13 @@ class CudaDevice:
         if threads == 0:
             return
         blocks = -(-threads // THREADS_A_BLOCK)
-        with self._device:
+        with self._used():
             function = self._module(np.dtype(values)).get_function(kernel)
             function((blocks,), (THREADS_A_BLOCK,), arguments)
 
     def free_bytes(self) -> int:
         """Return how much memory is free: of the device, and of what CuPy keeps for reuse."""
-        with self._device:
+        with self._used():
             pool = self._cupy.get_default_memory_pool()
             return int(self._cupy.cuda.runtime.memGetInfo()[0]) + int(pool.free_bytes())
 

@@ -53,10 +53,6 @@ def on_device(
         found = difference(operator.without_blur, moved.without_blur)
     except DeviceError as error:
         return operator, f"{error}: computed on the CPU"
-    except Exception as error:
-        if not type(error).__module__.startswith("cupy"):  # a mistake of ours is no fallback
-            raise
-        return operator, f"GPU: {type(error).__name__}: {error}: computed on the CPU"
     if found:
         return operator, f"GPU: {device.name}: {found}: computed on the CPU"
     return moved, f"computed on {device.name}"

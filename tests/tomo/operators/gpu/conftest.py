@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from tomo.operators.gpu import CudaDevice, DeviceError
+from tomo.operators.gpu.device import THREADS_A_BLOCK
 from tomo.operators.gpu.kernels import NAMES, source
 
 HERE = Path(__file__).parent
@@ -43,22 +44,23 @@ class HostDevice:
         return 1 << 40
 
     def launch(self, kernel, values, threads, *arguments):
-        cells = [
-            ctypes.c_void_p(one.ctypes.data) if isinstance(one, np.ndarray) else one
-            for one in arguments
-        ]
-        assert all(one.flags.c_contiguous for one in arguments if isinstance(one, np.ndarray))
-        pointers = (ctypes.c_void_p * len(cells))()
-        kept = [one if isinstance(one, ctypes.c_void_p) else np.array(one) for one in cells]
-        for i, one in enumerate(kept):
-            is_pointer = isinstance(one, ctypes.c_void_p)
-            pointers[i] = ctypes.addressof(one) if is_pointer else one.ctypes.data
+        library = self.libraries[np.dtype(values).name]
+        assert getattr(library, f"count_{kernel}")() == len(arguments), kernel
+        cells, pointers = [], (ctypes.c_void_p * len(arguments))()
+        for i, one in enumerate(arguments):
+            if isinstance(one, np.ndarray):
+                assert one.flags.c_contiguous
+                cells.append(ctypes.c_void_p(one.ctypes.data))
+            else:
+                assert one.dtype in (np.int64, np.float64, np.uint64)
+                cells.append(ctypes.c_uint64(int(one.view(np.uint64))))
+            pointers[i] = ctypes.addressof(cells[-1])
+        whole = -(-threads // THREADS_A_BLOCK) * THREADS_A_BLOCK  # blocks are always full
         order = None
         if self.order is not None:
-            order = np.random.default_rng(self.order).permutation(threads)
-        run = getattr(self.libraries[np.dtype(values).name], f"host_{kernel}")
-        at = None if order is None else ctypes.c_void_p(order.ctypes.data)
-        run(ctypes.c_longlong(threads), at, pointers)
+            drawn = np.random.default_rng(self.order).permutation(whole)
+            order = drawn.ctypes.data_as(ctypes.c_void_p)
+        getattr(library, f"host_{kernel}")(ctypes.c_longlong(whole), order, pointers)
 
 
 @pytest.fixture(scope="session")

@@ -47,7 +47,17 @@ static void launch(
     launch(kernel, std::index_sequence_for<Parameters...>(), threads, order, arguments);
 }
 
-#define HOST(name)                                                                      \
+// How many parameters a kernel has: the caller's arguments are counted against it.
+template <class... Parameters>
+static int count(void (*)(Parameters...)) {
+    bool all_take_eight_bytes[] = {sizeof(Parameters) == 8 ...};
+    for (bool one : all_take_eight_bytes)
+        if (!one) return -1;
+    return sizeof...(Parameters);
+}
+
+#define HOST(name)                                                                             \
     extern "C" void host_##name(long long threads, const long long *order, void **arguments) { \
-        launch(name, threads, order, arguments);                                        \
-    }
+        launch(name, threads, order, arguments);                                               \
+    }                                                                                          \
+    extern "C" int count_##name() { return count(name); }
