@@ -21,7 +21,8 @@ the same text for the host and compare it with the float64 oracle. Neither compi
 product and a sum to one rounding: the device then has to compute the bits of the host's build.
 
 Modules: `kernels` (the text), `device` (CuPy), `device_operator` (what both forms share),
-`projector` (lengths computed at every product), `matrix` (stored entries), `probe` (`on_device`).
+`projector` (lengths computed at every product), `matrix` (stored entries), `composition` (blurs of
+images, the linear basis), `probe` (`on_device`).
 """
 
 import lazy_loader
@@ -29,6 +30,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "composition": ["DeviceComposed", "DeviceLinear"],
         "device": ["CudaDevice", "Device", "DeviceError"],
         "matrix": ["DeviceMatrix"],
         "probe": ["on_device"],

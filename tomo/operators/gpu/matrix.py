@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.operators.gpu.device import NOTHING, Device
 from tomo.operators.gpu.device_operator import DeviceOperator
+from tomo.operators.gpu.kernels import together
 from tomo.operators.stored import Projector
 
 LANES = 8
@@ -35,11 +36,12 @@ class _Rows:
         """Return the products ``(rows, columns)`` with ``x`` (unknowns, columns)."""
         columns, launch = x.shape[1], self.device.launch
         values = self.device.zeros((self.count, columns), x.dtype)
-        parts = self.device.zeros((self.count, LANES), np.float64)
-        for first in range(columns):
-            at = np.int64(columns), np.int64(first)
-            launch("row_parts", x.dtype, self.count * LANES, *self._held, x, *at, parts)
-            launch("row_totals", x.dtype, self.count, self._held[0], parts, values, *at)
+        for first, some in together(columns):
+            parts = self.device.zeros((self.count * LANES * some,), np.float64)
+            at, rows = (np.int64(columns), np.int64(first)), self._held[0]
+            launch(f"row_parts_{some}", x.dtype, self.count * LANES, *self._held, x, *at, parts)
+            of = rows, np.int64(some), parts, values
+            launch("row_totals", x.dtype, self.count * some, *of, *at)
         return values
 
 

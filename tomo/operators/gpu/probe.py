@@ -7,10 +7,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.operators.basis import LinearBasis
+from tomo.operators.composition import ComposedProjector
+from tomo.operators.gpu.composition import DeviceComposed, DeviceLinear
 from tomo.operators.gpu.device import CudaDevice, Device, DeviceError
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.matrix import DeviceMatrix
 from tomo.operators.gpu.projector import DeviceProjector
+from tomo.operators.image_blur import ImageBlur
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.stored import Projector
@@ -34,8 +38,7 @@ def on_device(
     Parameters
     ----------
     operator : ProjectionOperator
-        An image blur or another basis around the rays stays on the CPU: arguments and results of
-        such an operator are NumPy's.
+        Blobs around the rays stay on the CPU: such an operator takes NumPy's arrays only.
     device : Device, optional
         The first CUDA device when None.
 
@@ -47,10 +50,10 @@ def on_device(
     """
     try:
         device = CudaDevice() if device is None else device
-        if too_large := _too_large(operator.without_blur, device):
+        if too_large := _too_large(operator, device):
             return operator, too_large
-        moved = operator.with_rays(lambda rays: _moved(rays, device))
-        found = difference(operator.without_blur, moved.without_blur)
+        moved = _moved(operator, device)
+        found = difference(operator, moved)
     except DeviceError as error:
         return operator, f"{error}: computed on the CPU"
     if found:
@@ -86,23 +89,34 @@ def _relative(right: NDArray[np.floating], found: NDArray[np.floating]) -> float
     return off / scale if scale > 0 else off
 
 
-def _moved(rays: ProjectionOperator, device: Device) -> DeviceOperator:
-    """Return the operator of rays on a device."""
-    if isinstance(rays, Projector):
-        return DeviceMatrix(rays, device)
-    if isinstance(rays, OnTheFlyProjector):
-        return DeviceProjector(rays, device)
-    if isinstance(rays, AttenuatedProjector):
-        return DeviceProjector(rays.rays, device).with_absorption(rays.absorption, rays.emission)
-    raise DeviceError(f"GPU: found a {type(rays).__name__}, expected rays of a Projector")
+def _moved(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
+    """Return an operator on a device, as far as there is one of its kind."""
+    if isinstance(operator, Projector):
+        return DeviceMatrix(operator, device)
+    if isinstance(operator, OnTheFlyProjector):
+        return DeviceProjector(operator, device)
+    if isinstance(operator, AttenuatedProjector):
+        clear = DeviceProjector(operator.rays, device)
+        return clear.with_absorption(operator.absorption, operator.emission)
+    if isinstance(operator, ComposedProjector | LinearBasis):
+        inner = operator.rays if isinstance(operator, ComposedProjector) else operator.projector
+        there = _moved(inner, device)
+        if isinstance(there, DeviceOperator) and isinstance(operator, LinearBasis):
+            return DeviceLinear(there)
+        if isinstance(there, DeviceOperator) and isinstance(operator.images, ImageBlur):
+            return DeviceComposed(operator.images, there, operator.view_ptr)
+    changed = operator.with_rays(lambda rays: rays if rays is operator else _moved(rays, device))
+    if changed is operator:
+        raise DeviceError(f"GPU: found a {type(operator).__name__}, expected rays of cameras")
+    return changed
 
 
-def _too_large(rays: ProjectionOperator, device: Device) -> str:
+def _too_large(operator: ProjectionOperator, device: Device) -> str:
     """Return why an operator does not fit on a device; nothing where it does."""
-    voxels = rays.grid.size
+    voxels = operator.grid.size
     if voxels > MOST_VOXELS:
         return f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}: computed on the CPU"
-    fixed, each = _bytes_needed(rays)
+    fixed, each = _bytes_needed(operator)
     free = device.free_bytes()
     if fixed + each * voxels <= free:
         return ""
@@ -113,12 +127,21 @@ def _too_large(rays: ProjectionOperator, device: Device) -> str:
     )
 
 
-def _bytes_needed(rays: ProjectionOperator) -> tuple[int, int]:
+def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
     """Return the bytes of an operator with its vectors of one column, and those of each voxel."""
+    rays: Any = operator
+
+    def note(found: ProjectionOperator) -> ProjectionOperator:
+        nonlocal rays
+        rays = found
+        return found
+
+    operator.with_rays(note)
+    blur = 0 if rays is operator else 128 * rays.shape[0]
     if isinstance(rays, Projector):  # entries, and the transpose's; spans and parts of rows
-        return 16 * rays.n_segments + 88 * rays.shape[0], 88
+        return blur + 16 * rays.n_segments + 88 * rays.shape[0], 88
     absorbs = isinstance(rays, AttenuatedProjector)
-    transparent: Any = rays.without_absorption if absorbs else rays
-    numbers = sum(source.ray_count(0, source.n_pixels) for source in transparent._sources)
+    sources = rays.rays._sources if absorbs else getattr(rays, "_sources", ())
+    numbers = sum(source.ray_count(0, source.n_pixels) for source in sources)
     of_ray = 65 + 16 * absorbs
-    return of_ray * numbers + 24 * rays.shape[0], 28 + 8 * absorbs
+    return blur + of_ray * numbers + 24 * rays.shape[0], 28 + 8 * absorbs

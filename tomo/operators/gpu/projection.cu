@@ -182,30 +182,52 @@ __global__ void collect(
         (real)((double)(whole)sums[voxel * some + column] / per_unit[first + column]);
 }
 
+}  // extern "C"
+
 // Products with stored rows: row p owns the entries starts[p] to stops[p] of column and entry.
 //     b_p = sum over entries s of  entry_s x_(column_s),
 // added up by LANES threads, each every LANES-th entry, in double precision. The transposed matrix
 // is stored the same way. Entries are in single or in double precision, the other pointer is null.
-__global__ void row_parts(
+template <int COLUMNS>
+__device__ inline void row_parts(
     whole rows, const whole *starts, const whole *stops, const unsigned int *column,
     const float *single_entry, const double *double_entry, const real *x, whole columns,
     whole first, double *parts) {
     whole row = thread_number() / LANES, lane = thread_number() % LANES;
     if (row >= rows) return;
-    double sum = 0.0;
+    double sums[COLUMNS] = {};
     for (whole s = starts[row] + lane; s < stops[row]; s += LANES) {
         double entry = single_entry ? (double)single_entry[s] : double_entry[s];
-        sum += entry * (double)x[(whole)column[s] * columns + first];
+        for (int c = 0; c < COLUMNS; c++)
+            sums[c] += entry * (double)x[(whole)column[s] * columns + first + c];
     }
-    parts[row * LANES + lane] = sum;
+    for (int c = 0; c < COLUMNS; c++) parts[thread_number() * COLUMNS + c] = sums[c];
 }
 
-__global__ void row_totals(whole rows, const double *parts, real *values, whole columns, whole first) {
-    whole row = thread_number();
-    if (row >= rows) return;
+#define ROWS                                                                                      \
+    whole rows, const whole *starts, const whole *stops, const unsigned int *column,              \
+        const float *single_entry, const double *double_entry, const real *x, whole columns,      \
+        whole first, double *parts
+
+extern "C" {
+
+__global__ void row_parts_1(ROWS) {
+    row_parts<1>(rows, starts, stops, column, single_entry, double_entry, x, columns, first, parts);
+}
+
+__global__ void row_parts_4(ROWS) {
+    row_parts<4>(rows, starts, stops, column, single_entry, double_entry, x, columns, first, parts);
+}
+
+// The sums of each row's parts (rows, LANES, some), in the order of the lanes.
+__global__ void row_totals(
+    whole rows, whole some, const double *parts, real *values, whole columns, whole first) {
+    whole number = thread_number();
+    if (number >= rows * some) return;
+    whole row = number / some, column = number % some;
     double sum = 0.0;
-    for (int lane = 0; lane < LANES; lane++) sum += parts[row * LANES + lane];
-    values[row * columns + first] = (real)sum;
+    for (int lane = 0; lane < LANES; lane++) sum += parts[(row * LANES + lane) * some + column];
+    values[row * columns + first + column] = (real)sum;
 }
 
 }  // extern "C"

@@ -14,14 +14,12 @@ from tomo.grid import VoxelGrid
 from tomo.operators.absorption import Absorption, depth_around, extinction_on_grid
 from tomo.operators.gpu.device import NOTHING, Device
 from tomo.operators.gpu.device_operator import DeviceOperator
+from tomo.operators.gpu.kernels import TOGETHER, together
 from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
 
 BITS = 62
 """Bits of the largest sum of whole numbers: more leave no room for the sign and the roundings."""
-
-TOGETHER = 4
-"""Columns that share a walk: as the kernels are written."""
 
 STRANDS = 1 << 14
 """Threads a column that look for the largest pixel: fewer read slowly, more wait to compare."""
@@ -240,11 +238,7 @@ class DeviceProjector(DeviceOperator):
 
     def _together(self, columns: int) -> Iterator[tuple[int, int]]:
         """Iterate over the columns that share a walk: the first, and how many."""
-        first = 0
-        while first < columns:
-            some = TOGETHER if first + TOGETHER <= columns and not self._shared.gas else 1
-            yield first, some
-            first += some
+        return together(columns, 1 if self._shared.gas else TOGETHER)
 
     def _walk(self, product: str, columns: int, values: DTypeLike, *of: Any) -> None:
         """Launch a product, one thread a pixel."""

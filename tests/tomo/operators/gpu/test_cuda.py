@@ -26,7 +26,9 @@ def operators(device):
         yield clear
         yield clear.subset([4, 1])
         yield clear.with_absorption(Absorption(0.02, 0.1), np.linspace(0, 1, active.size))
-        yield DeviceMatrix(LinearSystem.from_rig(RIG, GRID, active=active).projector, device)
+        system = LinearSystem.from_rig(RIG, GRID, active=active)
+        yield DeviceMatrix(system.projector, device)
+        yield on_device(system.with_linear_basis().projector, device)[0]
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])

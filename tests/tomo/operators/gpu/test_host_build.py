@@ -263,15 +263,17 @@ def test_stored_entries(lines, host, shuffled, dtype):
     found, other = DeviceMatrix(lines, host), DeviceMatrix(lines, shuffled)
     exact = lines.to_scipy().astype(np.float64)
     random = np.random.default_rng(8)
-    x = random.random((lines.shape[1], 3)).astype(dtype)
-    y = random.normal(size=(lines.shape[0], 3)).astype(dtype)
+    x = random.random((lines.shape[1], 6)).astype(dtype)
+    y = random.normal(size=(lines.shape[0], 6)).astype(dtype)
     bound = 1e-6 if dtype == np.float32 else 1e-13
     for product, right in ((found @ x, exact @ x), (found.T @ y, exact.T @ y)):
         assert product.dtype == dtype
         assert np.linalg.norm(product - right) < bound * np.linalg.norm(right)
     assert np.array_equal(found @ x, other @ x)
     assert np.array_equal(found.T @ y, other.T @ y)
-    assert np.array_equal((found.T @ y)[:, 1], found.T @ y[:, 1])
+    for column in range(6):
+        assert np.array_equal((found @ x)[:, column], found @ x[:, column])
+        assert np.array_equal((found.T @ y)[:, column], found.T @ y[:, column])
     some = np.arange(3, 400, 9)
     assert np.array_equal(found.take(some) @ x, (found @ x)[some])
     assert dot_test(found.subset([3, 0]), 1, dtype) < (1e-6 if dtype == np.float32 else 1e-12)

@@ -9,7 +9,7 @@ import pytest
 
 import rigs
 from tomo.grid import VoxelGrid
-from tomo.operators import Absorption, LinearSystem
+from tomo.operators import Absorption, GaussianBasis, LinearSystem, dot_test
 from tomo.operators.gpu import CudaDevice, DeviceError, DeviceMatrix, DeviceProjector, on_device
 from tomo.solvers import cgls
 
@@ -36,14 +36,49 @@ def test_a_solve_is_that_of_the_cpu(form, kind, host):
     assert np.linalg.norm(there - volume) < 1e-4 * np.linalg.norm(volume)
 
 
-def test_a_blur_around_the_rays_stays_on_the_cpu(host):
-    linear = system("on-the-fly").with_linear_basis()
-    gas = linear.with_absorption(Absorption(0.05), np.ones(GRID.shape)).projector
-    x = np.random.default_rng(1).random(gas.shape[1])
-    for own in (linear.projector, gas):
-        moved, _ = on_device(own, host)
-        assert isinstance(moved.without_blur, DeviceProjector)
+@pytest.mark.parametrize("form", ["stored", "on-the-fly"])
+@pytest.mark.parametrize("gas", [False, True])
+def test_blurred_images_are_computed_there(host, shuffled, form, gas):
+    torch = pytest.importorskip("torch")
+    plain = system(form)
+    lens, linear = plain.with_lens_blur(2.5), plain.with_linear_basis()
+    for own in (lens, linear, linear.with_lens_blur(1.5)):
+        if gas:
+            own = own.with_absorption(Absorption(0.05), np.ones(GRID.shape))
+        own = own.projector
+        moved, reason = on_device(own, host)
+        assert reason == "computed on host"
+        random = np.random.default_rng(1)
+        x, y = random.random((own.shape[1], 3)), random.random((own.shape[0], 3))
         np.testing.assert_allclose(moved @ x, own @ x, rtol=1e-5)
+        assert np.abs(moved.T @ y - own.T @ y).max() < 1e-5 * np.abs(own.T @ y).max()
+        assert dot_test(moved, 1, np.float64) < 1e-12
+        assert (moved.basis, moved.rows_are_single_rays) == (own.basis, own.rows_are_single_rays)
+        some = moved.subset([2, 0])
+        np.testing.assert_allclose(some @ x, own.subset([2, 0]) @ x, rtol=1e-5)
+        found = moved @ torch.from_numpy(x)
+        assert isinstance(found, torch.Tensor)
+        assert np.array_equal(found.numpy(), moved @ x)
+        other, _ = on_device(own, shuffled)
+        assert np.array_equal(other.T @ (other @ x), moved.T @ (moved @ x))
+
+
+def test_voxel_means_of_the_linear_basis_are_those_of_the_cpu(host):
+    own = system("on-the-fly").with_linear_basis().projector
+    moved, _ = on_device(own, host)
+    x = np.random.default_rng(2).random(own.on_voxel_means.shape[1])
+    found = moved.on_voxel_means @ x
+    np.testing.assert_allclose(found, own.on_voxel_means @ x, rtol=1e-6, atol=1e-6 * found.max())
+
+
+def test_blobs_stay_on_the_cpu_and_their_rays_do_not(host):
+    own = GaussianBasis(system("on-the-fly").projector, 0.8)
+    moved, reason = on_device(own, host)
+    assert isinstance(moved, GaussianBasis)
+    assert isinstance(moved.projector, DeviceProjector)
+    assert reason == "computed on host"
+    x = np.random.default_rng(3).random(own.shape[1])
+    np.testing.assert_allclose(moved @ x, own @ x, rtol=1e-6)
 
 
 class Faulty:
