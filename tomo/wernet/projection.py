@@ -27,8 +27,9 @@ def project(volume: torch.Tensor, equations: ProjectionOperator | LinearSystem) 
     Returns
     -------
     (..., pixels) tensor
-        Of the type and on the device of the volume. The product is computed on the CPU: a tensor
-        on another device is copied there, and its pixels back.
+        Of the type and on the device of the volume. An operator on the same device
+        (`tomo.operators.gpu.on_device`) computes it there; any other on the CPU: a tensor on
+        another device is copied there, and its pixels back.
 
     Raises
     ------
@@ -63,8 +64,12 @@ class Product(torch.autograd.Function):
 
     @staticmethod
     def forward(x: torch.Tensor, operator: LinearOperator) -> torch.Tensor:
-        """Return the product, computed on the CPU."""
-        return as_tensor(operator @ as_array(x, "volume"), x)
+        """Return the product, computed on the CPU or where operator and tensor are."""
+        x = x.detach().contiguous()
+        if not (hasattr(operator, "takes") and operator.takes(x)):
+            return as_tensor(operator @ as_array(x, "volume"), x)
+        check_finite(int(torch.count_nonzero(~torch.isfinite(x))), "volume")
+        return operator @ x
 
     @staticmethod
     def setup_context(ctx: Any, inputs: tuple, output: torch.Tensor) -> None:
@@ -123,10 +128,14 @@ def as_array(tensor: torch.Tensor, name: str) -> NDArray[np.floating]:
         If one is NaN or infinite.
     """
     values = tensor.detach().cpu().numpy()
-    wrong = np.count_nonzero(~np.isfinite(values))
+    check_finite(int(np.count_nonzero(~np.isfinite(values))), name)
+    return values
+
+
+def check_finite(wrong: int, name: str) -> None:
+    """Raise where so many values are NaN or infinite."""
     if wrong:
         raise ValueError(f"{name}: found {wrong} NaN or infinite values, expected finite ones")
-    return values
 
 
 def as_tensor(values: NDArray[np.floating], like: torch.Tensor) -> torch.Tensor:

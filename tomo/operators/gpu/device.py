@@ -20,6 +20,9 @@ registers that a walk takes, about 80."""
 OPTIONS = ("--fmad=false", "--std=c++14")
 """No contraction of a * b + c: the host's build gives the same bits."""
 
+CUDA = 2
+"""CUDA's number among DLPack's kinds of devices."""
+
 NOTHING = np.uint64(0)
 """A null pointer."""
 
@@ -45,8 +48,11 @@ class Device(Protocol):
     def host(self, values: Any) -> NDArray:
         """Return a copy of an array of the device in NumPy's."""
 
+    def holds(self, values: Any) -> bool:
+        """Return whether an array that has ``__dlpack_device__`` is in the device's memory."""
+
     def adopt(self, values: Any) -> Any:
-        """Return another library's array on the device, in rows, without a copy where it can."""
+        """Return such an array as one of the device's, in rows, without a copy where it can."""
 
     def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
         """Run a kernel, compiled for float32 or float64 ``values``, on so many threads.
@@ -85,7 +91,7 @@ class CudaDevice:
             raise DeviceError(f"GPU: found no CUDA device: {_line(error)}") from error
         if not 0 <= number < count:
             raise DeviceError(f"GPU: found no device {number}, expected 0 to {count - 1}")
-        self._device = self._cupy.cuda.Device(number)
+        self._number, self._device = number, self._cupy.cuda.Device(number)
         properties = self._cupy.cuda.runtime.getDeviceProperties(number)
         self.name = f"{properties['name'].decode()} (cuda:{number})"
         self._module = cache(self._compiled)
@@ -135,8 +141,12 @@ class CudaDevice:
         with self._used():
             return self._cupy.asnumpy(values)
 
+    def holds(self, values: Any) -> bool:
+        """Return whether an array that has ``__dlpack_device__`` is in the device's memory."""
+        return tuple(map(int, values.__dlpack_device__())) == (CUDA, self._number)
+
     def adopt(self, values: Any) -> Any:
-        """Return another library's array on the device, in rows, without a copy where it can."""
+        """Return such an array as one of the device's, in rows, without a copy where it can."""
         with self._used():
             return self._cupy.ascontiguousarray(self._cupy.from_dlpack(values))
 

@@ -18,11 +18,6 @@ Apply = Callable[[Any], Any]
 """Takes values ``(rows, columns)`` on the device to others there."""
 
 
-def is_foreign(values: Any) -> bool:
-    """Return whether an argument is an array of another library than NumPy."""
-    return hasattr(values, "__dlpack__") and not isinstance(values, np.ndarray | np.generic)
-
-
 class DeviceOperator(ProjectionOperator):
     """A projection operator whose products are computed on a device.
 
@@ -39,9 +34,14 @@ class DeviceOperator(ProjectionOperator):
     def adjoint(self, y: Any) -> Any:
         """Return the unknowns ``(unknowns, columns)`` of images ``(pixels, columns)``."""
 
+    def takes(self, values: Any) -> bool:
+        """Return whether an argument is another library's array on the device: it stays there."""
+        is_numpy = isinstance(values, np.ndarray | np.generic)
+        return hasattr(values, "__dlpack__") and not is_numpy and self.device.holds(values)
+
     def dot(self, x: Any) -> Any:
         """Return ``A @ x``."""
-        if is_foreign(x):
+        if self.takes(x):
             return self._on_foreign(self.forward, x, self.shape[1])
         return super().dot(x)
 
@@ -84,9 +84,13 @@ class _Adjoint(LinearOperator):
         self.of = of
         super().__init__(dtype=of.dtype, shape=of.shape[::-1])
 
+    def takes(self, values: Any) -> bool:
+        """Return whether an argument stays on the device."""
+        return self.of.takes(values)
+
     def dot(self, y: Any) -> Any:
         """Return ``A.T @ y``."""
-        if is_foreign(y):
+        if self.takes(y):
             return self.of._on_foreign(self.of.adjoint, y, self.shape[1])
         return super().dot(y)
 

@@ -37,6 +37,9 @@ class HostDevice:
     def host(self, values):
         return np.array(values)
 
+    def holds(self, values):
+        return values.__dlpack_device__()[0] == 1  # DLPack's number of the CPU
+
     def adopt(self, values):
         return np.ascontiguousarray(np.from_dlpack(values))
 

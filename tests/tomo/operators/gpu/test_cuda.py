@@ -69,3 +69,20 @@ def test_tensors_stay_there(cuda):
     images = operator @ torch.from_numpy(x).cuda()
     assert images.is_cuda
     assert np.array_equal(images.cpu().numpy(), operator @ x)
+
+
+def test_gradients_stay_there(cuda):
+    torch = pytest.importorskip("torch")
+    if not torch.cuda.is_available():
+        pytest.skip("torch: found no CUDA device, or a build without CUDA")
+    from tomo.wernet import project
+
+    own = LinearSystem.from_rig(RIG, GRID).with_linear_basis().projector
+    there, _ = on_device(own, cuda)
+    start, found = torch.rand((2, *GRID.shape), generator=torch.Generator().manual_seed(0)), []
+    for operator, device in ((own, "cpu"), (there, "cuda")):
+        volume = start.to(device).requires_grad_()
+        (gradient,) = torch.autograd.grad(project(volume, operator).square().sum(), volume)
+        assert gradient.device.type == device
+        found.append(gradient.cpu())
+    assert float((found[0] - found[1]).norm() / found[0].norm()) < 1e-6

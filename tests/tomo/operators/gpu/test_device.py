@@ -1,5 +1,6 @@
 """How CuPy is asked, by a stand-in for it on the host's build; what failures of a device say."""
 
+import re
 import sys
 from contextlib import nullcontext
 from types import SimpleNamespace
@@ -117,7 +118,27 @@ def test_memory_that_runs_out_after_all_is_one_line(cupy):
     assert on_device(own) == (own, f"{line} {64 * own.shape[0]} bytes: computed on the CPU")
 
 
+def test_arrays_in_other_memory_are_not_taken_for_the_devices(cupy):
+    device = CudaDevice()
+    for kind, number, expected in ((2, 0, True), (2, 1, False), (1, 0, False)):
+        assert device.holds(SimpleNamespace(__dlpack_device__=lambda: (kind, number))) is expected  # noqa: B023
+    own = LinearSystem.from_rig(RIG, GRID, form="stored").projector
+    there, _ = on_device(own, device)
+    torch = pytest.importorskip("torch")
+    x = torch.ones(own.shape[1])  # in the CPU's memory: copied, as NumPy's arrays are
+    assert np.array_equal(there @ x, there @ x.numpy())
+
+
 def test_mistakes_of_callers_stay_theirs(cupy):
     device = CudaDevice()
     with pytest.raises(KeyError):
         device.launch("forward_1", np.int32, 1)
+
+
+def test_the_study_measures_both_products(host, run_tool, monkeypatch):
+    from studies import gpu  # run_tool has tools/ on the path
+
+    monkeypatch.setattr(gpu, "IMAGE", (16, 12))
+    row = gpu.timed(host, 6, 2, 1)
+    rate = r"[\d.]+ Gray/s \([\d.]+ G crossings/s, [\d.]+ ms\)"
+    assert re.fullmatch(rf"6\^3 voxels, 2 views of 16 x 12: forward {rate}, adjoint {rate}", row)

@@ -188,6 +188,20 @@ def test_sums_reach_their_bound_without_overflow(host):
     assert (found.T @ np.zeros(5000)).tolist() == [0.0]
 
 
+def test_rays_of_negative_weight_cancel(host):
+    """Quadratures have some; sums of lengths then bound nothing."""
+    grid = VoxelGrid((3, 1, 1), 1.0)
+    single = Rays.from_lines(np.tile([[-9.0, 0.1, 0.2]], (40, 1)), [1.0, 0, 0])
+    weight = np.tile([3.0, -2.0], 20)
+    rays = Rays(single.origins, single.directions, single.lengths, weight, np.arange(0, 41, 2))
+    found = DeviceProjector(OnTheFlyProjector(rays, grid), host)
+    np.testing.assert_allclose(found @ np.ones(3), 3 * np.ones(20), rtol=1e-14)
+    np.testing.assert_allclose(found.T @ np.ones(20), 20 * np.ones(3), rtol=1e-14)
+    alone = Rays(single.origins, single.directions, single.lengths, weight, np.arange(41))
+    found = DeviceProjector(OnTheFlyProjector(alone, grid), host)
+    np.testing.assert_allclose(found.T @ np.sign(weight), 100 * np.ones(3), rtol=1e-14)
+
+
 def test_what_is_not_finite_reaches_what_it_meets(operators):
     found, oracle = operators
     y, pixel = np.ones(found.shape[0]), int(oracle.row_sums.argmax())

@@ -12,8 +12,8 @@ import pytest
 from tomo.operators.gpu.device import OPTIONS
 from tomo.operators.gpu.kernels import NAMES, source
 
-MOST = {"forward_1": 60, "adjoint_1": 60}
-"""Instructions in the walk's loop, all three axes; a crossing runs through half to two thirds."""
+MOST = {"forward_1": 50, "adjoint_1": 50}
+"""Instructions in the walk's loop, all three axes; a crossing runs through two thirds of them."""
 
 
 def by_nvcc(text, folder):
