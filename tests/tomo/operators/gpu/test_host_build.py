@@ -46,6 +46,12 @@ def rays_of(kind, grid):
         "from inside, finite": (anywhere, free, rng.uniform(0, 3, COUNT)),
         "in faces and along edges": (corners(grid, rng, False), with_zeros(rng), np.inf),
         "on outer faces": (corners(grid, rng, True), with_zeros(rng), np.inf),
+        "nearly parallel to faces": (
+            corners(grid, rng, False),
+            np.eye(3)[rng.integers(0, 3, COUNT)]
+            + 10.0 ** rng.uniform(-330, -14, (COUNT, 1)) * rng.choice([-1, 0, 1], (COUNT, 3)),
+            np.inf,
+        ),
         "from corner to corner": (corners(grid, rng, False) - 64 * steps, steps, np.inf),
         "missing, of no length": (anywhere - 50 * free, free * rng.choice([-1, 1], (COUNT, 1)), 1),
     }[kind]
@@ -54,7 +60,7 @@ def rays_of(kind, grid):
 
 KINDS = (
     "free", "from inside, finite", "in faces and along edges", "on outer faces",
-    "from corner to corner", "missing, of no length",
+    "nearly parallel to faces", "from corner to corner", "missing, of no length",
 )  # fmt: skip
 
 
