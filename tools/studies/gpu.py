@@ -65,7 +65,8 @@ def main() -> int:
         return 2
     sys.stdout.write(f"{device.name}\n")
     sys.stdout.flush()
-    tests = ["-m", "pytest", "-q", "-n", "0", "-m", "gpu", "-rs", "tests/tomo/operators/gpu"]
+    folder = "tests/tomo/operators/gpu"  # its own fixtures alone: fewer packages are needed
+    tests = ["-m", "pytest", "-q", "-n", "0", "-m", "gpu", "-rs", f"--confcutdir={folder}", folder]
     failed = subprocess.run([sys.executable, *tests], cwd=ROOT, check=False).returncode
     for size in map(int, wanted.sizes.split(",")):
         sys.stdout.write(timed(device, size, wanted.views, wanted.repeats) + "\n")
