@@ -55,5 +55,5 @@ for name, curve in curves.items():
 axes["D"].set(xlabel="epochs, or passes", title="cosine distance of the first frame")
 axes["D"].legend()
 print({name: round(min(curve.values()), 4) for name, curve in curves.items()})
-figure.suptitle("Five views: an encoder that four frames share takes four times the steps", weight="bold")
+figure.suptitle("Five views: four frames give an encoder four times the steps", weight="bold")
 plt.show()
