@@ -58,7 +58,8 @@ EXAMPLES = (
     # cameras
     "calibrate_from_charuco", "import_from_colmap", "is_my_rig_good_enough", "how_many_cameras",
     # methods
-    "noise_and_prior", "wernet_learns_optics", "wernet_paper", "gains_and_backgrounds",
+    "noise_and_prior", "wernet_learns_optics", "wernet_paper", "wernet_film",
+    "gains_and_backgrounds",
     # trust
     "uncertainty_map",
     # films
