@@ -161,7 +161,7 @@ def test_many_views_that_teach_nothing_end_in_the_linear_basis(small, classic):
 def test_weights_are_learned_in_the_linear_basis(take):
     scan = take(grid=GRID, effects=Effects(gain_spread=0.1), seed=3)
     # weights alone say what is wrong
-    given = {"fit_gain": False, "screen": False, "align": False, "fit_absorption": False}
+    given = {"screen": False, "align": False}
     given |= {"hold_out": ["cam03"], **QUICK}
     settings = {"method": "wernet", "compare": ["sirt:20"], **given}
     found, boxes = (
