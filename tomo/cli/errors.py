@@ -53,7 +53,7 @@ def bad_input_in_one_line() -> Iterator[None]:
 
 
 def _check_compiling() -> None:
-    """Raise where numba is told to compile nothing: a run of seconds would take hours."""
+    """Raise where NUMBA_DISABLE_JIT is set: a run of seconds would take hours."""
     if os.environ.get("NUMBA_DISABLE_JIT", "0").strip() not in ("", "0"):
         raise ValueError(
             f"NUMBA_DISABLE_JIT: found {os.environ['NUMBA_DISABLE_JIT']!r} in the environment, "

@@ -209,7 +209,6 @@ def mend_descriptions(path: Path, times: Sequence[float], frames: Sequence[int])
         logger.warning("%s: damaged; written again", path / name / "zarr.json")
         (path / name).mkdir(exist_ok=True)
         write_bytes(path / name / "zarr.json", fresh[name])
-    open_arrays(path)
 
 
 def _check_attributes(

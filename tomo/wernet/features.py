@@ -117,10 +117,10 @@ class RayFeatures:
         of_ray = self.of_ray.index_select(0, ray)  # several times faster than of_ray[ray]
         return torch.cat([of_ray, self.of_segment.index_select(0, segment)], dim=1)
 
-    def with_column(self, column: int, values: NDArray) -> RayFeatures:
+    def with_column(self, column: int, values: torch.Tensor) -> RayFeatures:
         """Return the features with ``values`` (S,) in a column of those of segments."""
         changed = self.of_segment.clone()
-        changed[:, column] = torch.from_numpy(values.astype(np.float32)).to(changed.device)
+        changed[:, column] = values.to(changed)
         return replace(self, of_segment=changed)
 
     def to(self, device: torch.device | str) -> RayFeatures:

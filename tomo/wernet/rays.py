@@ -72,9 +72,7 @@ class RayBatch:
 
     def before(self, values: torch.Tensor) -> torch.Tensor:
         """Return the sum of ``values`` (E,) along each ray up to the middle of each segment."""
-        ends = values.double().cumsum(0)
-        first = torch.cat([ends.new_zeros(1), ends])[self.count.cumsum(0) - self.count]
-        return (ends - self.per_segment(first) - values.double() / 2).to(values.dtype)
+        return _up_to_middles(values.double(), self.count).to(values.dtype)
 
     def split(self, rays: Sequence[int]) -> Iterator[RayBatch]:
         """Yield the batch in parts of so many rays each, without copies."""
@@ -219,11 +217,8 @@ class Rays:
         unit : float
             A typical pixel; above zero.
         """
-        length, voxel = (each.cpu().numpy() for each in (self.length, self.voxel))
-        own = length * volume[voxel].astype(np.float64)
-        behind = np.concatenate([[0.0], np.cumsum(own)])  # over the segments of all rays
-        first = behind[self.start.cpu().numpy()]
-        upstream = (behind[:-1] + own / 2 - np.repeat(first, self.count.cpu().numpy())) / unit
+        light = self.length.cpu() * torch.from_numpy(volume[self.voxel.cpu().numpy()]).double()
+        upstream = _up_to_middles(light, self.count.cpu()) / unit
         return replace(self, features=self.features.with_column(-1, upstream))
 
     def take(self, numbers: torch.Tensor) -> RayBatch:
@@ -266,3 +261,13 @@ class Rays:
             for name, value in vars(self).items()
         }
         return Rays(**moved)
+
+
+def _up_to_middles(values: torch.Tensor, count: torch.Tensor) -> torch.Tensor:
+    """Return the sum of ``values`` (E,) float64 along each ray up to each segment's middle.
+
+    ``count`` (rays,) are the numbers of segments of rays that stand one behind another.
+    """
+    ends = values.cumsum(0)
+    first = torch.cat([ends.new_zeros(1), ends])[count.cumsum(0) - count]
+    return ends - values / 2 - first.repeat_interleave(count, output_size=len(values))

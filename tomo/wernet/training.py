@@ -73,11 +73,10 @@ def part_map(device: torch.device) -> Iterator[PartMap]:
 
 def parts_of(batch: RayBatch) -> Iterator[RayBatch]:
     """Yield a batch in parts of about as many segments as suit its device."""
-    count = batch.count.cpu()
     limit = CPU_SEGMENTS if batch.count.device.type == "cpu" else GPU_SEGMENTS
     if len(batch.voxel) <= limit:
         return iter([batch] if len(batch) else [])
-    number = (count.cumsum(0) - 1).clamp(min=0) // limit
+    number = (batch.count.cpu().cumsum(0) - 1).clamp(min=0) // limit
     return batch.split(number.unique_consecutive(return_counts=True)[1].tolist())
 
 
@@ -228,11 +227,11 @@ class JointTraining:
             square = error.square().sum()
             return (square if squared else error.abs().sum()) / n_rays, square
 
-        loss = step(self.optimiser, parts, loss_of, map_parts)
+        error = step(self.optimiser, parts, loss_of, map_parts)
         if self.nonnegative:
             with torch.no_grad():
                 self.model.voxels.clamp_(min=0)
-        return loss
+        return error
 
     def state_dict(self) -> dict[str, Any]:
         """Return the state to go on from, as tensors and plain values."""

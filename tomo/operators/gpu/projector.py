@@ -193,17 +193,16 @@ class DeviceProjector(DeviceOperator):
 
     def rows(self, start: int, stop: int) -> DeviceProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
-        some = slice(start, stop)
-        return self._of(
-            self.flying.rows(start, stop), self.device, self._shared,
-            self._starts[some], self._stops[some],
-        )  # fmt: skip
+        return self._part(self.flying.rows(start, stop), slice(start, stop))
 
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> DeviceProjector:
-        return self._of(
-            self.flying._taken(pixels, view_ptr), self.device, self._shared,
-            self._starts[pixels], self._stops[pixels],
-        )  # fmt: skip
+        return self._part(self.flying._taken(pixels, view_ptr), pixels)
+
+    def _part(
+        self, flying: OnTheFlyProjector, some: slice | NDArray[np.integer]
+    ) -> DeviceProjector:
+        starts, stops = self._starts[some], self._stops[some]
+        return self._of(flying, self.device, self._shared, starts, stops)
 
     def forward(self, x: Any) -> Any:
         """Return the images ``(pixels, columns)`` of unknowns ``(unknowns, columns)``."""
