@@ -1,6 +1,7 @@
 """Damaged files through the commands, in this process: what they end with, take and write.
 
-The tests run a few; ``python tests/fuzz/verbs.py 5000`` runs many under limits and reports.
+The tests run a few; ``PYTHONPATH=.:tests/rigs/recordings python tests/fuzz/verbs.py 5000`` runs
+many under limits and reports.
 """
 
 import contextlib
