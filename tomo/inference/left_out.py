@@ -23,11 +23,6 @@ WORSE = 2.0
 """The same, by which an effect that is let loose predicts worse: it is not taken. Less, hidden
 pixels are not found, which gains make good; more, gains are taken that stand for hidden pixels."""
 
-WORTH = 1.25
-"""Part of the squared errors that a view is worth leaving out for, over its part of the data.
-Less, exact views go before flames that voxels do not resolve, which come to 1.06; more, the image
-of another moment among six stays, which comes to 1.57. Others at fault come to 2.7 to 4.8."""
-
 
 @dataclass(frozen=True, eq=False)
 class LeftOut:
@@ -73,12 +68,11 @@ class LeftOut:
         return self.score < -WORSE
 
     def is_worth(self, data: float) -> bool:
-        """Return whether it does so without a fraction of the data, by `WORTH` times that much.
+        """Return whether it is clearly better than a fraction ``data`` of the data less makes it.
 
         Fewer data are easier to reproduce, and tell less of the volume.
         """
-        less = (1 - WORTH * data) * self.before.sum()
-        return self.is_clearly_better and bool(self.after.sum() < less)
+        return replace(self, before=(1 - data) * self.before).is_clearly_better
 
 
 class Predicting(Protocol):
