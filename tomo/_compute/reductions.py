@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.arrays import as_type, host, is_numpy, namespace
+from tomo._compute.arrays import as_type, flat, host, is_numpy, namespace
 from tomo._compute.jit import compiled
 
 
@@ -54,17 +54,17 @@ def dot(a: Any, b: Any) -> float:
     if a.shape != b.shape:
         raise ValueError(f"inner product: found shapes {a.shape} and {b.shape}, expected one")
     if not is_numpy(a):
-        return float(_on_device(namespace(a).reshape(as_type(a, np.float64) * b, (-1, 1)))[0])
+        return float(_on_device(flat(as_type(a, np.float64) * b)[:, None])[0])
     dtype = np.float32 if a.dtype == b.dtype == np.float32 else np.float64
-    return _inner_product(_flat(a, dtype), _flat(b, dtype))
+    return _inner_product(_vector(a, dtype), _vector(b, dtype))
 
 
 def total(values: Any) -> np.float64 | NDArray[np.float64]:
     """Return the sum of values (n,), or those of the columns of (n, columns)."""
     if is_numpy(values):
         return values.sum(axis=0, dtype=np.float64)
-    columns = namespace(values).reshape(as_type(values, np.float64), (values.shape[0], -1))
-    found = _on_device(columns)
+    double = as_type(values, np.float64)
+    found = _on_device(double[:, None] if values.ndim == 1 else double)
     return np.float64(found[0]) if values.ndim == 1 else found
 
 
@@ -89,7 +89,7 @@ def _on_device(values: Any) -> NDArray[np.float64]:
     return totals
 
 
-def _flat(array: NDArray, dtype: type) -> NDArray[np.floating]:
+def _vector(array: NDArray, dtype: type) -> NDArray[np.floating]:
     """Return a contiguous, writeable vector: the loop is compiled for no other."""
-    flat: NDArray = np.ascontiguousarray(array, dtype).reshape(-1)
-    return flat if flat.flags.writeable else flat.copy()
+    vector: NDArray = np.ascontiguousarray(array, dtype).reshape(-1)
+    return vector if vector.flags.writeable else vector.copy()

@@ -6,7 +6,8 @@ import sys
 from abc import abstractmethod
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from typing import Any
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,6 +44,16 @@ class DeviceOperator(ArrayProducts):
     def array(self, values: Any) -> Any:
         """Return values on the device: those that are there as they are, a copy of others."""
         return values if self.takes(values) else self.device.array(host(values))
+
+    @cached_property
+    def _views(self) -> dict[int, Self]:
+        return {}
+
+    def view(self, number: int) -> Self:
+        """Return the operator of one view; kept, since its entries are copied to the device."""
+        if number not in self._views:
+            self._views[number] = super().view(number)
+        return self._views[number]
 
     def computing(self) -> AbstractContextManager[None]:
         """Return the context in which the device's errors are one line, and its arrays its own."""
