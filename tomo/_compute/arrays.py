@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
+_NUMPYS = (np.ndarray, np.generic)
+
 
 def is_numpy(values: object) -> bool:
     """Return whether these are an array or a number of NumPy's, or Python's own."""
-    return isinstance(values, np.ndarray | np.generic) or not hasattr(values, "__dlpack__")
+    return isinstance(values, _NUMPYS) or not hasattr(values, "__dlpack__")
 
 
 def _compat() -> ModuleType:
