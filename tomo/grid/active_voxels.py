@@ -13,6 +13,7 @@ from tomo._compute.index_types import index_type
 from tomo.grid.voxel_grid import VoxelGrid
 
 if TYPE_CHECKING:
+    from tomo.grid.dense import DenseBox
     from tomo.grid.z_runs import ZRuns
 
 FEW_VOXELS = 4096
@@ -171,6 +172,13 @@ class ActiveVoxels:
             shape = nx, ny, nz
         index = np.ravel_multi_index(tuple(inside), shape)
         return ActiveVoxels(VoxelGrid(shape, self.grid.spacing), np.asarray(index, np.int64))
+
+    @cached_property
+    def dense(self) -> DenseBox:
+        """The `box` in arrays of any library."""
+        from tomo.grid.dense import DenseBox  # for devices alone
+
+        return DenseBox(self.box)
 
     def expand(self, values: NDArray, fill: float = 0.0) -> NDArray:
         """Return the flat volume of the unknowns ``values``, ``fill`` elsewhere: (grid.size,).

@@ -14,9 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
+from tomo._compute.arrays import is_numpy
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.grid.active_voxels import ActiveVoxels
+from tomo.grid.dense import blurred
 from tomo.grid.z_runs import add, lay_out, pick_up, runs_between
 
 TRUNCATE = 3.0
@@ -123,7 +125,13 @@ class Blur:
         return runs.voxels, runs.heights, runs.own, along, across
 
     def __call__(self, values: NDArray[np.floating]) -> NDArray[np.floating]:
-        """Return the blurred active voxels: ``(n,)``, in the type of ``values``."""
+        """Return the blurred active voxels: ``(n,)``, in the type of ``values``.
+
+        Arrays of other libraries may have columns, ``(n, columns)``.
+        """
+        if not is_numpy(values):
+            dense = self.active.dense
+            return dense.compress(blurred(dense.expand(values), self._taps.tolist()))
         voxels, heights, *runs = self._runs
         values = np.ascontiguousarray(values)
         room = tuple(np.zeros(int(one[0][-1]), values.dtype) for one in runs)

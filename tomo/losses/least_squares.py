@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Callable
 from functools import cached_property
 from typing import Protocol, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.reductions import inner
+from tomo._compute.arrays import factors, flat, namespace, zeros
+from tomo._compute.reductions import inner, largest
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import (
     additive_start,
     by_columns,
     check_measured,
     check_weights,
+    given,
     unit_of,
 )
 
@@ -74,8 +75,8 @@ class LeastSquares:
     ) -> None:
         self.projector = projector
         measured, weights = _checked(projector, measured, weights)
-        self.root = None if weights is None else np.sqrt(weights)
-        self.unit = unit_of(measured)
+        self.root = None if weights is None else namespace(weights).sqrt(weights)
+        self.unit = factors(unit_of(measured), measured)
         self.measured = self._weighted(measured / self.unit)  # (pixels,) or (pixels, columns)
         self._add(prior, strength)
 
@@ -86,12 +87,12 @@ class LeastSquares:
         return other
 
     def _add(self, prior: LinearPrior | None, strength: float) -> None:
-        self.prior, self._factor = None, np.float32(0)
+        self.prior, self._factor = None, 0.0
         if prior is not None:
             check_prior(prior, "forward", "adjoint")
         if check_strength(strength) > 0 and prior is not None:
-            largest = self.curvature.max(axis=0, initial=0.0).astype(np.float64)
-            self.prior, self._factor = prior, np.float32(np.sqrt(strength * largest))
+            factor = np.sqrt(strength * largest(self.curvature).astype(np.float64))
+            self.prior, self._factor = prior, factors(factor.astype(np.float32), self.measured)
 
     @cached_property
     def curvature(self) -> NDArray[np.float32]:
@@ -99,7 +100,7 @@ class LeastSquares:
 
         Entries of A are not negative, so the difference is diagonally dominant.
         """
-        ones = self._one_each(np.ones)
+        ones = self._zero_each() + 1
         return self.projector.T @ self._weighted(self._weighted(self.projector @ ones))
 
     @property
@@ -107,15 +108,16 @@ class LeastSquares:
         """The right-hand side: the weighted images, and zeros for the rows of the prior."""
         if self.prior is None:
             return self.measured
-        rows = self._rows(self.prior.forward(self._one_each(np.zeros)))
-        return np.concatenate([self.measured, np.zeros_like(rows)])
+        rows = self._rows(self.prior.forward(self._zero_each()))
+        xp = namespace(rows)
+        return xp.concat([self.measured, xp.zeros_like(rows)])
 
     def start(self, start: ArrayLike | None, nonnegative: bool) -> NDArray[np.floating]:
         """Return the unknowns to start from, in units of ``unit``."""
         if start is None:
-            return self._one_each(np.zeros)
-        start = np.asarray(start)
-        columns = start if self.measured.ndim == 2 else start.ravel()
+            return self._zero_each()
+        found = given(self.projector, start)
+        columns = found if self.measured.ndim == 2 else flat(found)
         return (
             by_columns(lambda one: additive_start(self.projector, one, nonnegative), columns)
             / self.unit
@@ -123,35 +125,36 @@ class LeastSquares:
 
     def residual(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the right-hand side less all rows times ``x``; zeros are not projected."""
-        return self.target - self.forward(x) if x.any() else self.target
+        return self.target - self.forward(x) if bool(namespace(x).any(x)) else self.target
 
     def forward(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return all rows times ``x``."""
         image = self._weighted(self.projector @ x)
         if self.prior is None:
             return image
-        return np.concatenate([image, self._factor * self._rows(self.prior.forward(x))])
+        rows = self._factor * self._rows(self.prior.forward(x))
+        return namespace(image).concat([image, rows])
 
     def adjoint(self, rows: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the transpose times one value a row."""
         pixels = self.projector.shape[0]
-        volume = self.projector.T @ self._weighted(rows[:pixels])
+        volume = self.projector.T @ self._weighted(rows[:pixels, ...])
         if self.prior is None:
             return volume
-        return volume + self._factor * self.prior.adjoint(rows[pixels:])
+        return volume + self._factor * self.prior.adjoint(rows[pixels:, ...])
 
     def misfit(self, residual: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the norm of the weighted residual of the images alone, of each column."""
-        images = residual[: self.projector.shape[0]]
+        images = residual[: self.projector.shape[0], ...]
         return np.sqrt(inner(images, images))
 
-    def _one_each(self, make: Callable[..., NDArray]) -> NDArray[np.float32]:
-        """Return ``make`` of the shape of the unknowns, of each column."""
-        return make((self.projector.shape[1], *self.measured.shape[1:]), np.float32)
+    def _zero_each(self) -> NDArray[np.float32]:
+        """Return zeros of the shape of the unknowns, of each column."""
+        return zeros((self.projector.shape[1], *self.measured.shape[1:]), self.measured)
 
     def _rows(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the prior's rows one below the other."""
-        return field.reshape(-1, *self.measured.shape[1:])
+        return namespace(field).reshape(field, (-1, *self.measured.shape[1:]))
 
     def _weighted(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
         return image if self.root is None else self.root * image
@@ -161,18 +164,21 @@ def _checked(
     projector: ProjectionOperator, measured: ArrayLike, weights: ArrayLike | None
 ) -> tuple[NDArray[np.float32], NDArray[np.float32] | None]:
     """Return pixels and weights, flat or in columns, checked."""
-    if np.ndim(measured) != 2 or np.shape(measured)[0] != projector.shape[0]:
-        return check_measured(projector, measured), check_weights(projector, weights)
-    measured = by_columns(lambda one: check_measured(projector, one), np.asarray(measured))
+    pixels = given(projector, measured)
+    if pixels.ndim != 2 or pixels.shape[0] != projector.shape[0]:
+        return check_measured(projector, pixels), check_weights(projector, weights)
+    pixels = by_columns(lambda one: check_measured(projector, one), pixels)
     if weights is None:
-        return measured, None
-    if np.shape(weights) != measured.shape:
-        raise ValueError(f"weights: found shape {np.shape(weights)}, expected {measured.shape}")
+        return pixels, None
+    values = given(projector, weights)
+    if values.shape != pixels.shape:
+        found, expected = tuple(values.shape), tuple(pixels.shape)
+        raise ValueError(f"weights: found shape {found}, expected {expected}")
 
     def checked(one: NDArray) -> NDArray:
         return cast("NDArray", check_weights(projector, one))  # None for None alone
 
-    return measured, by_columns(checked, np.asarray(weights))
+    return pixels, by_columns(checked, values)
 
 
 def check_prior(prior: object, *methods: str) -> None:

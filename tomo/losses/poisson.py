@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import as_type, is_numpy, like, namespace, quotient
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import beside, damped
 
@@ -39,8 +40,9 @@ class Poisson:
         fair: NDArray[np.float64] | float = 0.0,
     ) -> None:
         self.projector = projector
-        self.counts = np.maximum(measured, 0)
-        self._per_column, self._missing = sensitivity(projector.column_sums, fair)
+        self.counts = namespace(measured).maximum(measured, 0.0)
+        parts = sensitivity(projector.column_sums, fair)
+        self._per_column, self._missing = (like(one, measured) for one in parts)
 
     def factor(self, projected: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the factor of every unknown, ``(unknowns,)``, at ``A x``, ``(pixels,)``.
@@ -55,7 +57,7 @@ class Poisson:
 
         The update is a step along the gradient in it: ``x f = x - C (A^T 1 - A^T (b / A x))``.
         """
-        return (x * self._per_column).astype(np.float32)
+        return as_type(x * self._per_column, np.float32)
 
 
 def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float64]:
@@ -63,8 +65,10 @@ def ratio(measured: NDArray[np.float32], projected: NDArray[np.float32]) -> NDAr
 
     In double precision: the faint tail of a flame, 1e-40, would overflow a single.
     """
-    one = np.ones(measured.shape)
-    return np.divide(measured, projected, out=one, where=projected > 0, dtype=np.float64)
+    if is_numpy(measured):
+        one = np.ones(measured.shape)
+        return np.divide(measured, projected, out=one, where=projected > 0, dtype=np.float64)
+    return quotient(as_type(measured, np.float64), as_type(projected, np.float64), 1.0)
 
 
 def sensitivity(

@@ -13,14 +13,16 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from tomo.grid import ActiveVoxels
+from tomo.operators.array_products import ArrayProducts
 from tomo.operators.operator import ProjectionOperator
 from tomo.trace import Segments
 
@@ -151,7 +153,7 @@ class ComposedProjector(ProjectionOperator):
         return type(self)(images, self.rays.take(needed), view_ptr)
 
 
-class BasisProjector(ProjectionOperator):
+class BasisProjector(ArrayProducts):
     """The projection ``A M`` whose unknowns are coefficients of other basis functions.
 
     Subclasses say what ``M`` does, `to_voxels` and its adjoint, and how they are made of another
@@ -182,6 +184,26 @@ class BasisProjector(ProjectionOperator):
     def to_voxels_adjoint(self, unknowns: NDArray) -> NDArray:
         """Return ``M^T x``; ``(unknowns,)`` or ``(unknowns, columns)``."""
         return unknowns
+
+    def array(self, values: Any) -> Any:
+        """Return values where the products of ``A`` are computed."""
+        return self.projector.array(values)
+
+    def takes(self, values: Any) -> bool:
+        """Return whether products of another library's array are arrays of that library."""
+        return self.projector.takes(values)
+
+    def computing(self) -> AbstractContextManager[None]:
+        """Return the context in which arrays are computed with that `array` returned."""
+        return self.projector.computing()
+
+    def product_there(self, x: Any) -> Any:
+        """Return ``A M x`` of an array that ``A`` takes."""
+        return self.projector @ self.to_voxels(x)
+
+    def transposed_product_there(self, y: Any) -> Any:
+        """Return ``M^T A^T y`` of an array that ``A`` takes."""
+        return self.to_voxels_adjoint(self.projector.T @ y)
 
     def _matvec(self, x: NDArray) -> NDArray:
         return self.projector @ self.to_voxels(x.ravel())

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from functools import cached_property
-from typing import Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from tomo._compute.arrays import host
 from tomo.grid import ActiveVoxels, VoxelGrid
 
 VOXEL, LINEAR = "voxel", "linear"
@@ -158,6 +160,21 @@ class ProjectionOperator(LinearOperator):
 
     def _transpose(self) -> LinearOperator:
         return self._adjoint()  # scipy's own copies both vectors to conjugate them
+
+    def array(self, values: Any) -> Any:
+        """Return values where products are computed, in NumPy's arrays for the CPU.
+
+        Products of such an array, and what is computed of them, stay there.
+        """
+        return host(values)
+
+    def takes(self, values: Any) -> bool:
+        """Return whether products of another library's array are arrays of that library."""
+        return False
+
+    def computing(self) -> AbstractContextManager[None]:
+        """Return the context in which arrays are computed with that `array` returned."""
+        return nullcontext()
 
     def view(self, number: int) -> Self:
         """Return the operator of one view."""

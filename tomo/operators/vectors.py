@@ -1,16 +1,29 @@
 """The vectors that go with an operator, checked: pixels, their weights, and volumes to start from.
 
 An operator ``A`` has ``(pixels, unknowns)`` entries; every loss and every solver takes measured
-pixels ``b`` and perhaps a start ``x``, and divides steps by row and column sums of ``A``.
+pixels ``b`` and perhaps a start ``x``, and divides steps by row and column sums of ``A``. Pixels,
+weights and starts are returned where the operator computes (`ProjectionOperator.array`).
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.arrays import (
+    all_finite,
+    as_type,
+    flat,
+    host,
+    is_numpy,
+    namespace,
+    taken,
+)
+from tomo._compute.reductions import largest, total
 from tomo.operators.operator import ProjectionOperator
 
 BARELY_MET = 0.1
@@ -26,16 +39,17 @@ def check_measured(projector: ProjectionOperator, measured: ArrayLike) -> NDArra
     ValueError
         If there are not as many pixels as the operator has rows, or some are not finite.
     """
-    measured = _as_float32(measured).ravel()
-    if len(measured) != projector.shape[0]:
+    pixels = flat(_as_float32(projector, measured))
+    if pixels.shape[0] != projector.shape[0]:
         raise ValueError(
-            f"measured: found {len(measured)} pixels, expected the projector's "
+            f"measured: found {pixels.shape[0]} pixels, expected the projector's "
             f"{projector.shape[0]}"
         )
-    wrong = np.count_nonzero(~np.isfinite(measured))
+    xp = namespace(pixels)
+    wrong = int(xp.count_nonzero(~xp.isfinite(pixels)))
     if wrong:
         raise ValueError(f"measured: found {wrong} NaN or infinite pixels, expected finite ones")
-    return measured
+    return projector.array(pixels)
 
 
 def check_weights(
@@ -52,19 +66,22 @@ def check_weights(
     """
     if weights is None:
         return None
-    weights = np.asarray(weights, np.float64).ravel()
-    if len(weights) != projector.shape[0]:
+    values = flat(as_type(given(projector, weights), np.float64))
+    if values.shape[0] != projector.shape[0]:
         raise ValueError(
-            f"weights: found {len(weights)}, expected one for each of the projector's "
+            f"weights: found {values.shape[0]}, expected one for each of the projector's "
             f"{projector.shape[0]} pixels"
         )
-    wrong = np.count_nonzero(~(np.isfinite(weights) & (weights >= 0)))
+    xp = namespace(values)
+    wrong = int(xp.count_nonzero(~(xp.isfinite(values) & (values >= 0))))
     if wrong:
         raise ValueError(f"weights: found {wrong} negative, NaN or infinite, expected >= 0")
-    largest = float(weights.max(initial=0.0))
-    if largest == 0:
-        return weights.astype(np.float32)
-    return np.ldexp(weights, 1 - int(np.frexp(largest)[1])).astype(np.float32)
+    heaviest = float(largest(values))
+    if heaviest > 0:
+        power = 1 - math.frexp(heaviest)[1]
+        for part in (power // 2, power - power // 2):  # all of it may overflow
+            values = values * math.ldexp(1.0, part)
+    return projector.array(as_type(values, np.float32))
 
 
 def additive_start(
@@ -75,9 +92,9 @@ def additive_start(
     Otherwise a voxel that no ray meets would stay negative to the end.
     """
     if start is None:
-        return np.zeros(projector.shape[1], np.float32)
-    start = _checked_start(projector, start)
-    return np.maximum(start, 0) if nonnegative else start
+        return projector.array(np.zeros(projector.shape[1], np.float32))
+    found = _checked_start(projector, start)
+    return namespace(found).maximum(found, 0.0) if nonnegative else found
 
 
 def multiplicative_start(
@@ -93,25 +110,32 @@ def multiplicative_start(
         If the start is negative somewhere, not finite, or of another size than the volume.
     """
     if start is None:
-        total = projector.row_sums.sum()
-        level = max(float(measured.sum(dtype=np.float64)) / total, 0.0) if total > 0 else 0.0
-        return np.where(projector.column_sums > 0, level, 0.0).astype(np.float32)
-    start = _checked_start(projector, start)
-    if (start < 0).any():
+        lengths = projector.row_sums.sum()
+        level = max(float(total(measured)) / lengths, 0.0) if lengths > 0 else 0.0
+        seen = np.where(projector.column_sums > 0, level, 0.0).astype(np.float32)
+        return projector.array(seen)
+    found = _checked_start(projector, start)
+    if bool(namespace(found).any(found < 0)):
         raise ValueError("start: found negative voxels, expected none for a multiplicative method")
-    return start
+    return found
 
 
 def by_columns(change: Callable[[NDArray], NDArray], values: NDArray) -> NDArray:
     """Return ``change`` of ``values`` (n,), or of each column of ``values`` (n, columns)."""
     if values.ndim == 1:
         return change(values)
-    return np.stack([change(np.ascontiguousarray(one)) for one in values.T], axis=1)
+    columns = [change(_column(values, number)) for number in range(values.shape[1])]
+    return namespace(columns[0]).stack(columns, axis=1)
 
 
 def beside(vector: NDArray, values: NDArray) -> NDArray:
     """Return ``vector`` (n,) in the shape that goes with ``values`` (n,) or (n, columns)."""
     return vector if values.ndim == 1 else vector[:, None]
+
+
+def _column(values: NDArray, number: int) -> NDArray:
+    column = values[:, number]
+    return np.ascontiguousarray(column) if is_numpy(column) else column
 
 
 def unit_of(vector: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -120,8 +144,9 @@ def unit_of(vector: NDArray[np.float32]) -> NDArray[np.float32]:
     That of each column where there are columns. Division by it is exact, and keeps squares of the
     intensity and sums over large systems inside the range of single precision.
     """
-    largest = np.abs(vector).max(axis=0, initial=0.0)
-    return np.where(largest > 0, np.ldexp(0.5, np.frexp(largest)[1]), 1.0).astype(np.float32)[()]
+    brightest = largest(namespace(vector).abs(vector))
+    unit = np.where(brightest > 0, np.ldexp(0.5, np.frexp(brightest)[1]), 1.0)
+    return unit.astype(np.float32)[()]
 
 
 def damped(sizes: NDArray[np.floating], fraction: float = BARELY_MET) -> NDArray[np.floating]:
@@ -137,18 +162,26 @@ def damped(sizes: NDArray[np.floating], fraction: float = BARELY_MET) -> NDArray
 
 
 def _checked_start(projector: ProjectionOperator, start: ArrayLike) -> NDArray[np.float32]:
-    start = _as_float32(start)
+    found = _as_float32(projector, start)
     unknowns, voxels = projector.shape[1], projector.grid.size
-    if start.size not in (unknowns, voxels) or not np.isfinite(start).all():
+    values = flat(found)
+    if values.shape[0] not in (unknowns, voxels) or not all_finite(values):
         raise ValueError(
-            f"start: found shape {start.shape}, expected a finite volume of "
+            f"start: found shape {tuple(found.shape)}, expected a finite volume of "
             f"{projector.grid.shape} voxels"
         )
-    flat = start.ravel()
-    return (projector.active.compress(flat) if start.size == voxels else flat).copy()
+    if values.shape[0] == voxels and projector.active.index is not None:
+        values = taken(values, projector.active.index)
+    there = projector.array(values)
+    return namespace(there).asarray(there, copy=True)
 
 
-def _as_float32(array: ArrayLike) -> NDArray[np.float32]:
+def _as_float32(projector: ProjectionOperator, array: ArrayLike) -> Any:
     """Return ``array`` in single precision; what is too large becomes infinite, for checks."""
     with np.errstate(over="ignore"):
-        return np.asarray(array).astype(np.float32, copy=False)
+        return as_type(given(projector, array), np.float32)
+
+
+def given(projector: ProjectionOperator, array: Any) -> Any:
+    """Return an array where it is, if the operator computes there; else in NumPy's."""
+    return array if projector.takes(array) else host(array)

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import host
 from tomo.operators import LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
@@ -217,7 +218,7 @@ def voxel_means_of(
     """
     active, shape = projector.active, projector.grid.shape
     crossed = projector.column_sums > 0
-    seen = np.where(crossed, unknowns, np.float32(0))
+    seen = np.where(crossed, host(unknowns), np.float32(0))
     means = projector.voxel_means(active.expand(seen).reshape(shape))
     return np.where(active.expand(~crossed).reshape(shape), np.float32(0), means)
 

@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import as_type, namespace, zeros
+from tomo._compute.reductions import largest, total
 from tomo.grid import ActiveVoxels
 from tomo.grid.blur import Blur
 from tomo.operators.vectors import by_columns
@@ -48,18 +52,20 @@ class RelativeCurvature:
         self.weights = by_columns(self._weights, volume)  # as volume
 
     def _weights(self, volume: NDArray[np.float32]) -> NDArray[np.float32]:
-        brightness = self._blur(np.maximum(volume, 0)).astype(np.float64)
-        largest = brightness.max(initial=0.0)
-        if largest == 0:
-            return np.ones(len(volume), np.float32)
-        brightness /= largest
+        brightness = self._blur(namespace(volume).maximum(volume, 0.0))
+        brightness = as_type(brightness, np.float64)
+        peak = float(largest(brightness))
+        if peak == 0:
+            return zeros(volume.shape, volume) + 1
+        brightness = brightness / peak
         weights = 1 / (brightness + DARKEST)
-        weights /= np.sqrt(np.average(np.square(weights), weights=brightness))
-        return weights.astype(np.float32)
+        mean = float(total(weights * weights * brightness)) / float(total(brightness))
+        return as_type(weights / math.sqrt(mean), np.float32)
 
     def _second_differences(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return ``D^T D x``."""
-        return self._gradient.adjoint(self._gradient.forward(values)).reshape(values.shape)
+        found = self._gradient.adjoint(self._gradient.forward(values))
+        return namespace(values).reshape(found, values.shape)
 
     def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return ``w D^T D x`` of the unknowns ``x``, in their shape."""
@@ -67,4 +73,5 @@ class RelativeCurvature:
 
     def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return ``D^T D w p``, in the shape of the weights."""
-        return self._second_differences(self.weights * field.reshape(self.weights.shape))
+        field = namespace(field).reshape(field, self.weights.shape)
+        return self._second_differences(self.weights * field)

@@ -8,10 +8,12 @@ import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.arrays import is_numpy, namespace
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.grid import ActiveVoxels
 from tomo.grid.z_runs import Runs, ZRuns, add, lay_out, pick_up, runs_between
+from tomo.priors.dense import differences, transposed_differences
 
 NANOSECONDS_FORWARD, NANOSECONDS_ADJOINT = 1.2, 1.6  # a voxel of the runs, on one thread
 OUTSIDE = -2  # number of a run beyond the grid, where -1 is none inside it
@@ -140,7 +142,12 @@ class Gradient:
         )
 
     def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """Return ``D x`` of the unknowns ``x (n,)`` or ``(n, columns)``: ``(3, positions)``."""
+        """Return ``D x`` of the unknowns ``x (n,)`` or ``(n, columns)``: ``(3, positions)``.
+
+        Of another library's array ``(3, bx, by, bz, ...)``, in the box of the active voxels.
+        """
+        if not is_numpy(values):
+            return differences(self.active.dense.expand(values), self.factors.tolist())
         runs, around = self._runs, self._around
         here, beyond, _, _ = self._neighbours
         field = np.zeros(self.shape, np.float32)
@@ -155,6 +162,10 @@ class Gradient:
 
     def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return ``D^T p (n,)`` or ``(n, columns)`` of a field as `forward` returns it."""
+        if not is_numpy(field):
+            dense, columns = self.active.dense, (self.columns,) * (self.columns > 1)
+            field = namespace(field).reshape(field, (3, *dense.shape, *columns))
+            return dense.compress(transposed_differences(field, self.factors.tolist()))
         runs, around = self._runs, self._around
         _, beyond, at, before = self._neighbours
         plain = np.zeros(int(runs.own[0][-1]), np.float32)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import namespace, single
+from tomo._compute.reductions import total
 from tomo.grid import ActiveVoxels
 from tomo.priors.total_variation import ProximalMap
 
@@ -35,7 +37,7 @@ class L1:
 
     def value(self, values: NDArray[np.float32]) -> float:
         """Return ``sum |x|`` of the unknowns ``x`` (unknowns,)."""
-        return float(np.abs(values).sum(dtype=np.float64))
+        return float(total(namespace(values).abs(values)))
 
     def proximal_map(self, inverse: NDArray[np.float32], nonnegative: bool) -> ProximalMap:
         """Return the soft threshold ``sign(c) max(|c| - weight stretch C, 0)``, which is exact."""
@@ -43,10 +45,8 @@ class L1:
         def soft(
             center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
         ) -> NDArray[np.float32]:
-            threshold = np.float32(weight * stretch) * inverse
-            above = np.maximum(center - threshold, np.float32(0))
-            if nonnegative:
-                return above
-            return above - np.maximum(-center - threshold, np.float32(0))
+            xp, threshold = namespace(center), single(weight * stretch) * inverse
+            above = xp.maximum(center - threshold, 0.0)
+            return above if nonnegative else above - xp.maximum(-center - threshold, 0.0)
 
         return soft

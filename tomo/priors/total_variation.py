@@ -9,9 +9,11 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import host, is_numpy
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.grid import ActiveVoxels
+from tomo.priors.dense import DenseVariationProximal
 from tomo.priors.differences import Gradient
 
 NANOSECONDS_A_STEP = 3.0  # a voxel of the box, on one thread
@@ -134,13 +136,14 @@ class TotalVariation:
 
     def value(self, values: NDArray[np.float32]) -> float:
         """Return ``TV(x)`` of the unknowns ``x`` (unknowns,)."""
-        field = Gradient(self._active).forward(values)
+        field = Gradient(self._active).forward(host(values))
         return float(np.sqrt(np.square(field, dtype=np.float64).sum(axis=0)).sum())
 
-    def proximal_map(
-        self, inverse: NDArray[np.float32], nonnegative: bool
-    ) -> TotalVariationProximal:
+    def proximal_map(self, inverse: NDArray[np.float32], nonnegative: bool) -> ProximalMap:
         """Return the proximal map in the metric ``C^-1``, with a bound at zero or not."""
+        if not is_numpy(inverse):
+            factors = Gradient(self._active).factors.tolist()
+            return DenseVariationProximal(self._active, factors, inverse, nonnegative)
         return TotalVariationProximal(self._active, inverse, nonnegative)
 
 

@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.arrays import host
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.selection.fits import Fit, Fits, Progress, Tried
@@ -117,7 +118,7 @@ def choose_by_left_out_pixels(
     (Breiman, Friedman, Stone and Olshen, "Classification and Regression Trees", 1984, section
     3.4.3) was worse on noisy scenes, by 24 % at most and 1 % on average.
     """
-    measured = check_measured(projector, measured)
+    measured = host(check_measured(projector, measured))
     if not measured.any():
         return Choice(*DARK, math.nan, reason="the images are dark")
     fits = Fits(_folds(projector, measured, blocks, weights), progress)

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import host
 from tomo._compute.grouping import golden_ratio_sequence
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
@@ -73,6 +74,7 @@ class Fold:
     ----------
     training, left_out : ProjectionOperator
     training_pixels, left_out_pixels : (pixels,) float32
+        Those of the training where its products are computed.
     blocks : (left-out pixels,) int64
         Consecutive numbers: errors are summed over the pixels of a block.
     training_weights, left_out_weights : (pixels,) float32, optional
@@ -102,21 +104,22 @@ class Fold:
         would only hide differences.
         """
         training, own = np.flatnonzero(~held), np.flatnonzero(held)
-        evaluated = projector.take(own)
+        trained, evaluated = projector.take(training), projector.take(own)
         of_pixel = np.arange(len(own)) if blocks is None else blocks[own]
         return cls(
-            projector.take(training),
-            measured[training],
+            trained,
+            trained.array(measured[training]),
             evaluated,
             np.where(evaluated.row_sums > 0, measured[own], np.float32(0)),
             np.unique(of_pixel, return_inverse=True)[1],
-            None if weights is None else weights[training],
+            None if weights is None else trained.array(weights[training]),
             None if weights is None else weights[own],
         )
 
     def squared_errors(self, volume: NDArray[np.float32]) -> NDArray[np.float64]:
         """Return the squared error of every left-out block, ``(blocks,)``, weighted."""
-        squares = np.square((self.left_out @ volume - self.left_out_pixels).astype(np.float64))
+        predicted = host(self.left_out @ volume)
+        squares = np.square((predicted - self.left_out_pixels).astype(np.float64))
         if self.left_out_weights is not None:
             squares *= self.left_out_weights
         return np.bincount(self.blocks, squares).astype(np.float64, copy=False)

@@ -7,6 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import factors, host, namespace, quotient
+from tomo._compute.reductions import largest
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
 from tomo.solvers.curvature import curvature
@@ -30,8 +32,10 @@ def smooth_start(
 ) -> NDArray[np.float32]:
     """Return the volume that `solve_smoothly` starts from: a few MLEM updates.
 
-    ``(unknowns,)`` of images ``(pixels,)``; with a last axis of columns where these have one.
+    ``(unknowns,)`` of images ``(pixels,)``; with a last axis of columns where these have one, and
+    then where the operator computes.
     """
+    measured = projector.array(measured)
     start = mlos_start(projector, measured)
     if measured.ndim == 2:
         return mlem_of_several(projector, measured, iterations=START, start=start)
@@ -51,6 +55,8 @@ def solve_several_smoothly(
 ) -> NDArray[np.float32]:
     """Return the volumes of `solve_smoothly` of several sets of images, ``(unknowns, columns)``.
 
+    In NumPy's array, wherever the operator computes.
+
     Parameters
     ----------
     projector : ProjectionOperator
@@ -60,8 +66,9 @@ def solve_several_smoothly(
     start : (unknowns, columns) float32
     weights : (pixels, columns) float32, optional
     """
+    start = projector.array(start)
     if not strength:
-        return mlem_of_several(projector, measured, iterations=iterations, start=start)
+        return host(mlem_of_several(projector, measured, iterations=iterations, start=start))
     basis = GaussianBasis(projector, width) if width else None
     found = curvature_of_several(
         basis or projector,
@@ -71,7 +78,7 @@ def solve_several_smoothly(
         start=_coefficients(basis, start) if basis else start,
         weights=weights,
     )
-    return basis.to_voxels(found) if basis else found
+    return host(basis.to_voxels(found) if basis else found)
 
 
 def solve_smoothly(
@@ -105,6 +112,7 @@ def solve_smoothly(
         found = mlem(projector, measured, iterations=iterations, start=start, callback=callback)
         return replace(found, settings={**found.settings, "strength": 0.0, "smooth_width": 0.0})
     basis = GaussianBasis(projector, width) if width else None
+    start = projector.array(start)
 
     def report(index: int, unknowns: NDArray[np.float32], residual: float) -> bool | None:
         volume = basis.to_voxels(unknowns) if basis else unknowns
@@ -135,11 +143,11 @@ def _coefficients(basis: GaussianBasis, volume: NDArray[np.float32]) -> NDArray[
     blur (Richardson, "Bayesian-based iterative method of image restoration", Journal of the
     Optical Society of America 62 (1972); Lucy, Astronomical Journal 79 (1974)).
     """
-    found = volume
-    reach = 1 / np.maximum(basis.to_voxels(np.ones_like(volume)), SINGLE_PRECISION)
+    found, xp = volume, namespace(volume)
+    reach = 1 / xp.maximum(basis.to_voxels(xp.ones_like(volume)), SINGLE_PRECISION)
     for _ in range(UNBLURRED):
         seen = basis.to_voxels(found)
-        missed = np.divide(volume, seen, out=np.zeros_like(volume), where=seen > 0)
+        missed = quotient(volume, seen)
         found = found * reach * basis.to_voxels(missed)
-    least = SINGLE_PRECISION * found.max(axis=0, initial=0.0)
-    return np.where(found > least, found, np.float32(0))  # alike in all units of light
+    least = factors(SINGLE_PRECISION * largest(found), found)
+    return xp.where(found > least, found, 0.0)  # alike in all units of light

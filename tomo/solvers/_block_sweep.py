@@ -20,6 +20,7 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import as_type, host, like, namespace, taken
 from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.operators.operator import Matrix, ProjectionOperator
@@ -62,16 +63,18 @@ def sweep_of(
         some voxels, and would move them by the noise of the few rays that do; views see a voxel
         or not.
     """
-    per_row = _per_row(projector, weights)
-    most = _per_column(_column_sums(projector, weights) / len(parts)) if fair else None
+    per_row = _per_row(projector, weights, measured)
+    most = None
+    if fair:
+        most = like(_per_column(_column_sums(projector, weights) / len(parts)), measured)
     if projector.matrix is not None and parts:
         return _StoredSweep(projector, measured, parts, weights, per_row, most)
     blocks = [
         Block(
             projector.take(p),
-            measured[p],
-            None if weights is None else weights[p],
-            per_row[p],
+            taken(measured, p),
+            None if weights is None else taken(weights, p),
+            taken(per_row, p),
             most,
         )
         for p in parts
@@ -101,9 +104,9 @@ class Block:
     ) -> None:
         self.projector = projector
         self.measured = measured
-        self.per_row = _per_row(projector, weights) if per_row is None else per_row
-        own = _per_column(_column_sums(projector, weights))
-        self.per_column: NDArray[np.float32] = own if most is None else np.minimum(own, most)
+        self.per_row = _per_row(projector, weights, measured) if per_row is None else per_row
+        own = like(_per_column(_column_sums(projector, weights)), measured)
+        self.per_column = own if most is None else namespace(own).minimum(own, most)
 
     def updated(
         self,
@@ -114,14 +117,16 @@ class Block:
     ) -> NDArray[np.float32]:
         """Return ``x`` after the update by the residual ``b - A x``."""
         x = x + relaxation * (self.per_column * (self.projector.T @ (self.per_row * residual)))
-        return np.maximum(x, 0) if nonnegative else x
+        return namespace(x).maximum(x, 0.0) if nonnegative else x
 
 
 def _per_row(
-    projector: ProjectionOperator, weights: NDArray[np.float32] | None
+    projector: ProjectionOperator,
+    weights: NDArray[np.float32] | None,
+    measured: NDArray[np.float32],
 ) -> NDArray[np.float32]:
     """Return the diagonal of ``W R``; its value where a ray meets no voxel has no effect."""
-    per_row = (1 / damped(projector.row_sums)).astype(np.float32)
+    per_row = like((1 / damped(projector.row_sums)).astype(np.float32), measured)
     return per_row if weights is None else weights * per_row
 
 
@@ -129,7 +134,9 @@ def _column_sums(
     projector: ProjectionOperator, weights: NDArray[np.float32] | None
 ) -> NDArray[np.float64]:
     """Return ``A^T W 1``."""
-    return projector.column_sums if weights is None else projector.T @ weights.astype(np.float64)
+    if weights is None:
+        return projector.column_sums
+    return host(projector.T @ as_type(weights, np.float64))
 
 
 def _per_column(sums: NDArray[np.float64]) -> NDArray[np.float32]:

@@ -36,7 +36,7 @@ def _merge(ptr, voxel, length, row_ptr, place, merged_voxel, merged_length):
 
 
 def merged_rows(
-    projector: ProjectionOperator,
+    projector: ProjectionOperator, method: str
 ) -> tuple[NDArray[np.int64], NDArray[np.integer], NDArray[np.floating]]:
     """Return ``ptr, voxel, length`` of the rows with each voxel at most once in each.
 
@@ -51,8 +51,8 @@ def merged_rows(
     """
     if projector.matrix is None:
         raise ValueError(
-            "projector: found one without a stored matrix, expected a stored one: the method goes "
-            "through its entries"
+            f"projector: found one without a stored matrix, expected a stored one: {method} goes "
+            "through stored rows on the CPU: use sart or smart, which take any operator"
         )
     segments, n_voxels = projector.segments, projector.shape[1]
     row_ptr = np.zeros_like(segments.ptr)

@@ -78,7 +78,7 @@ def art(
     """
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
-    rows = merged_rows(projector)
+    rows = merged_rows(projector, "art")
     squares = np.zeros(len(measured))
     _squared_norms(rows[0], rows[2], squares)
     steps = relaxation / damped(squares)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numpy.typing import ArrayLike
 
+from tomo._compute.arrays import namespace, single
 from tomo._compute.reductions import norm
 from tomo.losses import LeastSquares, LinearPrior
 from tomo.operators.operator import ProjectionOperator
@@ -71,6 +71,7 @@ def cgls(
     """
     prior = Magnitude() if prior is None else prior
     problem = LeastSquares(projector, measured, weights, prior, strength)
+    xp = namespace(problem.measured)
 
     def states() -> States:
         x = problem.start(start, nonnegative=False)
@@ -80,7 +81,7 @@ def cgls(
         gamma = gamma_start = norm(gradient) ** 2
         lowest, steepest = norm(residual), 0.0
         while True:
-            volume = np.maximum(x, 0) if nonnegative else x
+            volume = xp.maximum(x, 0.0) if nonnegative else x
             yield problem.unit * volume, problem.misfit(residual)
             image = problem.forward(direction)
             curvature = norm(image) ** 2
@@ -92,7 +93,7 @@ def cgls(
             rounding = max(gamma_start, 4 * steepest * norm(residual) ** 2)
             if gamma <= rounding * SINGLE_PRECISION**2:
                 return
-            step = np.float32(gamma / curvature)
+            step = single(gamma / curvature)
             x = x + step * direction
             residual = residual - step * image
             misfit = norm(residual)
@@ -101,7 +102,7 @@ def cgls(
             lowest = min(lowest, misfit)
             gradient = problem.adjoint(residual)
             gamma, previous = norm(gradient) ** 2, gamma
-            direction = gradient + np.float32(gamma / previous) * direction
+            direction = gradient + single(gamma / previous) * direction
 
     return drive(
         states(),

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import all_finite, host, namespace
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.solvers.solution import Callback, Iteration, Solution
@@ -21,7 +22,7 @@ def residual_of(
     projector: ProjectionOperator, measured: NDArray[np.float32], x: NDArray[np.float32]
 ) -> NDArray[np.float32]:
     """Return ``b - A x``; zeros are not projected."""
-    return measured - projector @ x if x.any() else measured
+    return measured - projector @ x if bool(namespace(x).any(x)) else measured
 
 
 def drive(
@@ -36,8 +37,8 @@ def drive(
     """Run a solver's generator for at most ``iterations`` updates and record what happens.
 
     The generator yields the state after 0, 1, 2 ... updates; each is passed to ``callback`` as it
-    is, one value an active voxel. The volume of the solution covers the grid, zero where no voxel
-    is active.
+    is, one value an active voxel, on a device where products are computed there. The volume of
+    the solution covers the grid, zero where no voxel is active, in NumPy's array.
 
     Raises
     ------
@@ -51,11 +52,11 @@ def drive(
     started = time.perf_counter()
     history: list[Iteration] = []
     stop_reason = f"all {iterations} iterations done"
-    volume = np.zeros(projector.shape[1], np.float32)
-    for index, (state, residual_norm) in enumerate(_quietly(states)):
+    volume: Any = np.zeros(projector.shape[1], np.float32)
+    for index, (state, residual_norm) in enumerate(_quietly(states, projector)):
         relative = residual_norm / scale
-        if not (np.isfinite(relative) and np.isfinite(state).all()):
-            if not volume.any():
+        if not (np.isfinite(relative) and all_finite(state)):
+            if not host(volume).any():
                 raise ValueError(
                     "measured: found intensities whose volume overflows single precision, "
                     "expected smaller numbers: a larger unit"
@@ -72,7 +73,7 @@ def drive(
     else:
         stop_reason = f"converged at iteration {len(history) - 1}"
     return Solution(
-        volume=projector.active.expand(volume).reshape(projector.grid.shape).copy(),
+        volume=projector.active.expand(host(volume)).reshape(projector.grid.shape).copy(),
         grid=projector.grid,
         history=tuple(history),
         settings={**settings, "iterations": iterations},
@@ -81,10 +82,10 @@ def drive(
     )
 
 
-def _quietly(states: States) -> States:
+def _quietly(states: States, projector: ProjectionOperator) -> States:
     """Go through the states without warnings of overflow: the states show it."""
     while True:
-        with np.errstate(over="ignore", invalid="ignore"):
+        with projector.computing(), np.errstate(over="ignore", invalid="ignore"):
             found = next(states, None)
         if found is None:
             return

@@ -79,7 +79,7 @@ def mart(
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
     counts = np.maximum(measured, 0)
-    rows = merged_rows(projector)
+    rows = merged_rows(projector, "mart")
     crossing = np.flatnonzero(np.diff(rows[0]))
     longest = np.zeros(len(counts))
     if len(crossing):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tomo._compute.arrays import as_type, namespace, taken
 from tomo._compute.reductions import norm
 from tomo.losses import Poisson, check_prior, check_strength
 from tomo.operators.operator import ProjectionOperator
@@ -74,26 +75,29 @@ def mlem(
     """
     check_nonnegative("mlem", nonnegative)
     measured = check_measured(projector, measured)
-    parts = interleaved(len(measured), subsets)
+    parts = interleaved(projector.shape[0], subsets)
     fair = projector.column_sums / len(parts)
     longest = float(projector.column_sums.max(initial=0.0))
     if prior is not None:
         check_prior(prior, "proximal_map")
     weight = 0.0 if prior is None else check_strength(strength) * longest / len(parts)
     losses = [
-        Poisson(projector.take(pixels) if subsets > 1 else projector, measured[pixels], fair)
+        Poisson(
+            projector.take(pixels) if subsets > 1 else projector, taken(measured, pixels), fair
+        )
         for pixels in parts
     ]
+    counts = namespace(measured).maximum(measured, 0.0)
 
     def states() -> States:
-        x = multiplicative_start(projector, np.maximum(measured, 0), start)
+        x = multiplicative_start(projector, counts, start)
         while True:
             projected = projector @ x
             yield x, norm(measured - projected)
             for loss in losses:
                 if subsets > 1:
                     projected = loss.projector @ x
-                moved = (x * loss.factor(projected)).astype(np.float32)
+                moved = as_type(x * loss.factor(projected), np.float32)
                 if prior is not None and weight > 0:
                     moved = prior.proximal_map(loss.step(x), True)(moved, weight, DUAL_STEPS)
                 x = moved

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.arrays import chosen, factors, host, namespace, quotient
 from tomo._compute.reductions import inner
 from tomo.losses import LeastSquares, LinearPrior
 from tomo.operators.operator import ProjectionOperator
@@ -91,6 +92,7 @@ def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -
     that has no direction left stays where it is.
     """
     x = problem.start(start, nonnegative)
+    xp = namespace(x)
     residual = problem.residual(x)
     downhill = problem.adjoint(residual)
     steepest = _free(x, downhill, nonnegative)
@@ -106,23 +108,23 @@ def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -
         if not np.all(further > 0) and direction is not steepest:
             others = _change(problem, x, steepest, downhill, nonnegative, step)
             change, image, further = (
-                np.where(further > 0, one, other)
+                chosen(further > 0, one, other)
                 for one, other in zip((change, image, further), others, strict=True)
             )
         moving = moving & (further > 0)
         if not np.any(moving):
             return
         if not np.all(moving):
-            change, image = (np.where(moving, one, np.float32(0)) for one in (change, image))
+            change, image = (chosen(moving, one, 0.0) for one in (change, image))
         step = np.where(moving, further, np.float32(0) if step is None else step)
-        x = np.maximum(x + change, 0) if nonnegative else x + change
+        x = xp.maximum(x + change, 0.0) if nonnegative else x + change
         residual = residual - image
         downhill = problem.adjoint(residual)
         previous, size_before = steepest, size
         steepest = _free(x, downhill, nonnegative)
         size = inner(steepest, steepest)
         turn = _ratio(size - inner(steepest, previous), size_before)
-        direction = steepest + turn * _free(x, direction, nonnegative, downhill)
+        direction = steepest + factors(turn, x) * _free(x, direction, nonnegative, downhill)
 
 
 def _free(x, vector, nonnegative, downhill=None):
@@ -132,7 +134,7 @@ def _free(x, vector, nonnegative, downhill=None):
     blocked = (x <= 0) & (vector <= 0)
     if downhill is not None:
         blocked |= (x <= 0) & (downhill <= 0)
-    return np.where(blocked, np.float32(0), vector)
+    return namespace(x).where(blocked, 0.0, vector)
 
 
 def _change(
@@ -148,23 +150,24 @@ def _change(
     Of each column. ``step`` are the lengths of the last ones; zero is returned where no step leads
     lower.
     """
+    xp = namespace(x)
     if step is None or not nonnegative:
         image = problem.forward(direction)
         best = _ratio(inner(direction, downhill), inner(image, image))
-        if not nonnegative or not (x + best * direction < 0).any():
-            return best * direction, best * image, best
+        along = factors(best, x)
+        if not nonnegative or not bool(xp.any(x + along * direction < 0)):
+            return along * direction, along * image, best
         step = best / LONGER
     longer = LONGER * step
-    clipped = np.maximum(x + longer * direction, 0) - x
+    clipped = xp.maximum(x + factors(longer, x) * direction, 0.0) - x
     image = problem.forward(clipped)
     best = _ratio(inner(clipped, downhill), inner(image, image))
     # beyond one the change could be clipped once more
-    beyond = (best > 1) & (x + best * clipped < 0).any(axis=0)
-    fraction = np.where(beyond, np.float32(1), best)
+    beyond = (best > 1) & host(xp.any(x + factors(best, x) * clipped < 0, axis=0))
+    fraction = factors(np.where(beyond, np.float32(1), best)[()], x)
     return fraction * clipped, fraction * image, longer * np.minimum(best, MOST)
 
 
 def _ratio(above: ArrayLike, below: ArrayLike) -> NDArray[np.float32]:
     """Return ``above / below``, 0 where that is not positive or nothing is below."""
-    found = np.divide(above, below, out=np.zeros(np.shape(below)), where=np.greater(below, 0))
-    return np.maximum(found, 0).astype(np.float32)
+    return np.maximum(quotient(above, below), 0).astype(np.float32)

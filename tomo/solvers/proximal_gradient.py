@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo._compute.reductions import dot
+from tomo._compute.arrays import host, like, namespace, single, zeros
+from tomo._compute.reductions import dot, largest
 from tomo.losses import LeastSquares, check_prior, check_strength
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import damped
@@ -81,17 +82,17 @@ def proximal_gradient(
     """
     check_prior(prior, "proximal_map")
     problem = LeastSquares(projector, measured, weights)
-    strength = check_strength(strength)
+    strength, xp = check_strength(strength), namespace(problem.measured)
 
     def states() -> States:
         x = problem.start(start, nonnegative)
         residual = problem.measured - problem.forward(x)
         yield problem.unit * x, problem.misfit(residual)
         inverse = _inverse(problem.curvature)
-        if not inverse.any():  # nothing is seen
+        if not bool(xp.any(inverse)):  # nothing is seen
             return
         proximal = prior.proximal_map(inverse, nonnegative)
-        weight = strength * float(np.abs(problem.adjoint(problem.measured)).max())
+        weight = strength * float(largest(xp.abs(problem.adjoint(problem.measured))))
         # omega, y, z, theta and zeta of the paper are landed, mapped, center, age and stretch.
         landed = mapped = center = x
         age, stretch, steps, since = 1.0, 1.0, FIRST_DUAL_STEPS, 0
@@ -101,15 +102,15 @@ def proximal_gradient(
             older = (1 + math.sqrt(1 + 4 * age**2)) / 2
             center = (
                 landed
-                + np.float32((age - 1) / older) * (landed - before)
-                + np.float32(age / older) * (landed - x)
-                + np.float32((age - 1) / (stretch * older)) * (center - x)
+                + single((age - 1) / older) * (landed - before)
+                + single(age / older) * (landed - x)
+                + single((age - 1) / (stretch * older)) * (center - x)
             )
             stretch = (2 * age + older - 1) / older
             moved = proximal(center, weight, steps if strength else 0, stretch)
             residual = problem.measured - problem.forward(moved)
             yield problem.unit * moved, problem.misfit(residual)
-            uphill = (center - moved) / np.float32(stretch) - fall
+            uphill = (center - moved) / single(stretch) - fall
             mapped, before = x - uphill, mapped
             since += 1
             if since >= RESTART_AFTER and dot(uphill / inverse, mapped - before) > 0:
@@ -133,6 +134,7 @@ def proximal_gradient(
 
 def _inverse(curvature: NDArray[np.float32]) -> NDArray[Any]:
     """Return the step of every voxel, damped where it is barely seen; zeros where nothing is."""
-    if not curvature.any():
-        return np.zeros_like(curvature)
-    return 1 / damped(curvature, BARELY_SEEN)
+    there = host(curvature)
+    if not there.any():
+        return zeros(curvature.shape, curvature)
+    return like(1 / damped(there, BARELY_SEEN), curvature)

@@ -2,7 +2,8 @@
 
 Frames of a film, or repeats of one frame with other noise, meet the same matrix, whose entries
 take most of a product's time to read. Their pixels are columns here; each has steps of its own,
-and its volume is that of `tomo.solvers.mlem` or `tomo.solvers.curvature` up to rounding.
+and its volume is that of `tomo.solvers.mlem` or `tomo.solvers.curvature` up to rounding. Volumes
+stay where products are computed.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import itertools
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import as_type, chosen, host, namespace
 from tomo.losses import LeastSquares, Poisson
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import RelativeCurvature
@@ -35,10 +37,11 @@ def mlem_of_several(
     start : (unknowns, columns) float32
         Not negative.
     """
-    loss = Poisson(projector, measured, projector.column_sums)
-    volumes = start
+    loss = Poisson(projector, projector.array(measured), projector.column_sums)
+    volumes = projector.array(start)
     for _ in range(iterations):
-        volumes = (volumes * loss.factor(projector @ volumes)).astype(np.float32)
+        with projector.computing():
+            volumes = as_type(volumes * loss.factor(projector @ volumes), np.float32)
     return volumes
 
 
@@ -71,8 +74,9 @@ def curvature_of_several(
     known = problem.unit * problem.start(start, nonnegative=True)
     problem = problem.with_prior(RelativeCurvature(projector.active, known), strength)
     volumes = known
-    with np.errstate(over="ignore", invalid="ignore"):
+    xp = namespace(known)
+    with projector.computing(), np.errstate(over="ignore", invalid="ignore"):
         for state, misfit in itertools.islice(descend(problem, known, True), iterations + 1):
-            finite = np.isfinite(state).all(axis=0) & np.isfinite(misfit)
-            volumes = np.where(finite, state, volumes)
+            finite = host(xp.all(xp.isfinite(state), axis=0)) & np.isfinite(misfit)
+            volumes = state if finite.all() else chosen(finite, state, volumes)
     return volumes

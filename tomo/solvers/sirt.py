@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from tomo._compute.arrays import namespace
 from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured, check_weights
@@ -69,10 +70,10 @@ def sirt(
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
     weights = check_weights(projector, weights)
-    root = None if weights is None else np.sqrt(weights)
+    root = None if weights is None else namespace(weights).sqrt(weights)
     whole = Block(projector, measured, weights) if subsets == 1 else None
     if whole is None:
-        parts = interleaved(len(measured), subsets)
+        parts = interleaved(projector.shape[0], subsets)
         sweep = sweep_of(projector, measured, parts, weights, fair=True)
 
     def states() -> States:

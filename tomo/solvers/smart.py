@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.arrays import as_type, like, namespace
 from tomo._compute.reductions import norm
 from tomo.losses import ratio, sensitivity
 from tomo.operators.operator import ProjectionOperator
@@ -67,8 +68,9 @@ def smart(
     check_nonnegative("smart", nonnegative)
     measured = check_measured(projector, measured)
     relaxation = check_relaxation(relaxation)
-    counts = np.maximum(measured, 0)
-    per_column, _ = sensitivity(projector.column_sums)
+    xp = namespace(measured)
+    counts = xp.maximum(measured, 0.0)
+    per_column = like(sensitivity(projector.column_sums)[0], measured)
 
     def states() -> States:
         x = multiplicative_start(projector, counts, start)
@@ -76,7 +78,7 @@ def smart(
             projected = projector @ x
             yield x, norm(measured - projected)
             rise = projector.T @ _log_ratio(counts, projected)
-            x = (x * np.exp(relaxation * per_column * rise)).astype(np.float32)
+            x = as_type(x * xp.exp(relaxation * per_column * rise), np.float32)
 
     return drive(
         states(),
@@ -90,4 +92,5 @@ def smart(
 
 def _log_ratio(counts: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return ``log(b / A x)``, at least that of `FAINTEST`; 0 where nothing is projected."""
-    return np.log(np.maximum(ratio(counts, projected), FAINTEST))
+    xp = namespace(counts)
+    return xp.log(xp.maximum(ratio(counts, projected), FAINTEST))

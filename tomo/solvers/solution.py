@@ -21,8 +21,9 @@ class LearnedWeights(Protocol):
 
 Callback = Callable[[int, NDArray[np.float32], float], bool | None]
 """Called as ``callback(index, volume, relative_residual)`` after each update, and before the
-first with index 0; ``volume`` holds the active voxels, flat, and must not be changed. Return True
-to stop."""
+first with index 0; ``volume`` holds the active voxels, flat, and must not be changed: NumPy's
+array, or one on the device where products are computed there, which `tomo._compute.arrays.host`
+copies. Return True to stop."""
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from tomo._compute.reductions import dot, norm
+from tomo._compute.reductions import dot, inner, largest, norm, total
 
 
 def exact(a, b):
@@ -42,3 +42,21 @@ def test_squares_of_single_precision_neither_overflow_nor_vanish():
 def test_other_shapes_are_refused():
     with pytest.raises(ValueError, match=r"inner product: found shapes \(3,\) and \(1, 3\)"):
         dot(np.ones(3), np.ones((1, 3)))
+
+
+@pytest.mark.parametrize("count", [0, 1, 7, 1000, 4097])
+def test_on_a_device_sums_are_exact_and_the_same_bits_by_every_library(count):
+    pytest.importorskip("array_api_compat")
+    libraries = [pytest.importorskip(name) for name in ("torch", "array_api_strict")]
+    random = np.random.default_rng(count)
+    a, b = (random.standard_normal((count, 2)).astype(np.float32) for _ in range(2))
+    found = []
+    for library in libraries:
+        x, y = library.asarray(a.copy()), library.asarray(b.copy())
+        found.append([*inner(x, y), dot(x, y), norm(x), *total(x), *largest(x)])
+        assert inner(x[:, 0], y[:, 0]) == inner(x, y)[0]
+        assert total(x[:, 1]) == total(x)[1]
+    assert found[0] == found[1]
+    exactly = [exact(*pair) for pair in ((a[:, 0], b[:, 0]), (a[:, 1], b[:, 1]), (a, b))]
+    assert found[0][:3] == pytest.approx(exactly, abs=1e-14 * max(count, 1))
+    assert found[0][3:] == pytest.approx([norm(a), *total(a), *largest(a)], rel=1e-12, abs=1e-12)

@@ -17,7 +17,7 @@ def test_the_merged_rows_are_the_same_matrix_with_every_voxel_once_in_a_row(seed
     voxel = random.integers(0, 5, ptr[-1]).astype(np.int32)
     length = random.random(ptr[-1]).astype(np.float32)
     merged_ptr, merged_voxel, merged_length = merged_rows(
-        Projector(Segments(ptr, voxel, length), VoxelGrid((5, 1, 1), 1.0))
+        Projector(Segments(ptr, voxel, length), VoxelGrid((5, 1, 1), 1.0)), "art"
     )
     for row in range(6):
         expected = np.zeros(5)
@@ -31,7 +31,7 @@ def test_the_merged_rows_are_the_same_matrix_with_every_voxel_once_in_a_row(seed
 
 def test_rows_without_repeats_are_not_copied(ring_system):
     segments = ring_system.projector.segments
-    _, voxel, length = merged_rows(ring_system.projector)
+    _, voxel, length = merged_rows(ring_system.projector, "art")
     assert voxel is segments.voxel
     assert length is segments.length
 

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from numpy.typing import NDArray
 
+from tomo._compute.arrays import is_numpy
 from tomo.grid.blur import Blur
 from tomo.operators.composition import BasisProjector
 from tomo.operators.operator import ProjectionOperator
@@ -61,6 +62,8 @@ class GaussianBasis(BasisProjector):
 
     def to_voxels(self, coefficients: NDArray) -> NDArray:
         """Return the active voxels ``G z`` of coefficients ``z``; the shape stays."""
+        if not is_numpy(coefficients):
+            return self._blur(coefficients)
         if coefficients.ndim == 2:  # (unknowns, columns)
             return by_columns(self._blur, coefficients)
         return self._blur(coefficients.ravel()).reshape(coefficients.shape)

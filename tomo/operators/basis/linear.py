@@ -78,7 +78,11 @@ class OnVoxelMeans(BasisProjector):
     Notes
     -----
     ``C``, from voxel means to coefficients (`coefficients_of`), is symmetric, its inverse local.
+    It is computed on the CPU, wherever the linear basis is: products are NumPy's arrays.
     """
+
+    array, takes = ProjectionOperator.array, ProjectionOperator.takes
+    computing = ProjectionOperator.computing
 
     def _on(self, projector: ProjectionOperator) -> OnVoxelMeans:
         return OnVoxelMeans(projector, self.active)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from functools import cache
 from typing import Any, Protocol
 
@@ -63,6 +63,9 @@ class Device(Protocol):
     def free_bytes(self) -> int:
         """Return how much memory is free."""
 
+    def used(self) -> AbstractContextManager[None]:
+        """Return the context of work on the device, whose errors are one line there."""
+
 
 class CudaDevice:
     """A CUDA device, through CuPy.
@@ -111,7 +114,7 @@ class CudaDevice:
         return module
 
     @contextmanager
-    def _used(self) -> Iterator[None]:
+    def used(self) -> Iterator[None]:
         """Work on the device; what goes wrong there is one line: no memory left, a device lost."""
         try:
             with self._device:
@@ -122,23 +125,25 @@ class CudaDevice:
             raise DeviceError(f"GPU: {self.name}: {_line(error)}") from error
 
     def array(self, values: NDArray) -> Any:
-        """Return a copy on the device, in rows."""
-        with self._used():
-            return self._cupy.array(values, order="C")
+        """Return a copy on the device, in rows; what the thread computes next is there too."""
+        with self.used():
+            copied = self._cupy.array(values, order="C")
+        self._device.use()
+        return copied
 
     def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
         """Return an array of zeros on the device."""
-        with self._used():
+        with self.used():
             return self._cupy.zeros(shape, dtype)
 
     def write(self, target: Any, values: NDArray) -> None:
         """Copy values to a part of an array of the device, in rows and of the same type."""
-        with self._used():
+        with self.used():
             target.set(values)
 
     def host(self, values: Any) -> NDArray:
         """Return a copy of an array of the device in NumPy's."""
-        with self._used():
+        with self.used():
             return self._cupy.asnumpy(values)
 
     def holds(self, values: Any) -> bool:
@@ -147,7 +152,7 @@ class CudaDevice:
 
     def adopt(self, values: Any) -> Any:
         """Return such an array as one of the device's, in rows, without a copy where it can."""
-        with self._used():
+        with self.used():
             return self._cupy.ascontiguousarray(self._cupy.from_dlpack(values))
 
     def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
@@ -155,13 +160,13 @@ class CudaDevice:
         if threads == 0:
             return
         blocks = -(-threads // THREADS_A_BLOCK)
-        with self._used():
+        with self.used():
             function = self._module(np.dtype(values)).get_function(kernel)
             function((blocks,), (THREADS_A_BLOCK,), arguments)
 
     def free_bytes(self) -> int:
         """Return how much memory is free: of the device, and of what CuPy keeps for reuse."""
-        with self._used():
+        with self.used():
             pool = self._cupy.get_default_memory_pool()
             return int(self._cupy.cuda.runtime.memGetInfo()[0]) + int(pool.free_bytes())
 

@@ -5,20 +5,23 @@ from __future__ import annotations
 import sys
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any
+from contextlib import AbstractContextManager
+from functools import cached_property
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse.linalg import LinearOperator
 
+from tomo._compute.arrays import host, is_numpy
+from tomo.operators.array_products import ArrayProducts
 from tomo.operators.gpu.device import Device
-from tomo.operators.operator import ProjectionOperator, as_float
+from tomo.operators.operator import as_float
 
 Apply = Callable[[Any], Any]
 """Takes values ``(rows, columns)`` on the device to others there."""
 
 
-class DeviceOperator(ProjectionOperator):
+class DeviceOperator(ArrayProducts):
     """A projection operator whose products are computed on a device.
 
     Subclasses set ``device`` and compute `forward` and `adjoint` of columns there.
@@ -36,17 +39,33 @@ class DeviceOperator(ProjectionOperator):
 
     def takes(self, values: Any) -> bool:
         """Return whether an argument is another library's array on the device: it stays there."""
-        is_numpy = isinstance(values, np.ndarray | np.generic)
-        return hasattr(values, "__dlpack__") and not is_numpy and self.device.holds(values)
+        return not is_numpy(values) and self.device.holds(values)
 
-    def dot(self, x: Any) -> Any:
-        """Return ``A @ x``."""
-        if self.takes(x):
-            return self._on_foreign(self.forward, x, self.shape[1])
-        return super().dot(x)
+    def array(self, values: Any) -> Any:
+        """Return values on the device: those that are there as they are, a copy of others."""
+        return values if self.takes(values) else self.device.array(host(values))
 
-    def _adjoint(self) -> LinearOperator:
-        return _Adjoint(self)
+    @cached_property
+    def _views(self) -> dict[int, Self]:
+        return {}
+
+    def view(self, number: int) -> Self:
+        """Return the operator of one view; kept, since its entries are copied to the device."""
+        if number not in self._views:
+            self._views[number] = super().view(number)
+        return self._views[number]
+
+    def computing(self) -> AbstractContextManager[None]:
+        """Return the context in which the device's errors are one line, and its arrays its own."""
+        return self.device.used()
+
+    def product_there(self, x: Any) -> Any:
+        """Return ``A x`` of another library's array on the device, in that library."""
+        return self._on_foreign(self.forward, x, self.shape[1])
+
+    def transposed_product_there(self, y: Any) -> Any:
+        """Return ``A^T y`` of another library's array on the device, in that library."""
+        return self._on_foreign(self.adjoint, y, self.shape[0])
 
     def _matvec(self, x: NDArray) -> NDArray:
         return self._on_numpy(self.forward, x.reshape(-1, 1)).ravel()
@@ -75,39 +94,3 @@ class DeviceOperator(ProjectionOperator):
         found = found.reshape(-1) if own.ndim == 1 else found
         library = sys.modules[type(values).__module__.partition(".")[0]]
         return library.from_dlpack(found)
-
-
-class _Adjoint(LinearOperator):
-    """``A.T``, which takes arrays on the device too."""
-
-    def __init__(self, of: DeviceOperator) -> None:
-        self.of = of
-        super().__init__(dtype=of.dtype, shape=of.shape[::-1])
-
-    def takes(self, values: Any) -> bool:
-        """Return whether an argument stays on the device."""
-        return self.of.takes(values)
-
-    def dot(self, y: Any) -> Any:
-        """Return ``A.T @ y``."""
-        if self.takes(y):
-            return self.of._on_foreign(self.of.adjoint, y, self.shape[1])
-        return super().dot(y)
-
-    def _matvec(self, y: NDArray) -> NDArray:
-        return self.of._rmatvec(y)
-
-    def _matmat(self, y: NDArray) -> NDArray:
-        return self.of._rmatmat(y)
-
-    def _rmatvec(self, x: NDArray) -> NDArray:
-        return self.of._matvec(x)
-
-    def _rmatmat(self, x: NDArray) -> NDArray:
-        return self.of._matmat(x)
-
-    def _adjoint(self) -> LinearOperator:
-        return self.of
-
-    def _transpose(self) -> LinearOperator:
-        return self.of

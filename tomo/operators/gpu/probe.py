@@ -138,8 +138,8 @@ def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
 
     operator.with_rays(note)
     blur = 0 if rays is operator else 128 * rays.shape[0]
-    if isinstance(rays, Projector):  # entries, and the transpose's; spans and parts of rows
-        return blur + 16 * rays.n_segments + 88 * rays.shape[0], 88
+    if isinstance(rays, Projector):  # entries, the transpose's, the views'; spans, parts of rows
+        return blur + 24 * rays.n_segments + 88 * rays.shape[0], 88
     absorbs = isinstance(rays, AttenuatedProjector)
     sources = rays.rays._sources if absorbs else getattr(rays, "_sources", ())
     numbers = sum(source.ray_count(0, source.n_pixels) for source in sources)

@@ -29,6 +29,13 @@ class Array(np.ndarray):
         self[...] = values
 
 
+class CurrentDevice(nullcontext):
+    """A device of the stand-in's, entered or made a thread's own."""
+
+    def use(self):
+        pass
+
+
 class StandIn:
     """CuPy as far as it is asked, on the host's build of the kernels."""
 
@@ -43,7 +50,7 @@ class StandIn:
             getDeviceProperties=lambda number: {"name": b"Stand-in"},
             memGetInfo=lambda: (1 << 40, 1 << 40),
         )
-        self.cuda = SimpleNamespace(runtime=runtime, Device=lambda number: nullcontext())
+        self.cuda = SimpleNamespace(runtime=runtime, Device=lambda number: CurrentDevice())
 
     def get_default_memory_pool(self):
         return SimpleNamespace(free_bytes=lambda: 0)
