@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 from tomo.io.checked_arrays import (
     chunk_file,
     create_array,
@@ -97,8 +97,8 @@ class VolumeFilm:
         """Frames that the film is for."""
         return self._values.shape[0]
 
-    def read(self, number: int) -> NDArray[np.float32]:
-        """Return the volume of a frame, ``(nx, ny, nz)``.
+    def read(self, number: int) -> Volume:
+        """Return the volume of a frame.
 
         Raises
         ------
@@ -115,7 +115,7 @@ class VolumeFilm:
             volume = np.asarray(self._values[number])
         if not np.isfinite(volume).all():
             raise ValueError(f"{self.path}: frame {number}: found NaN or infinity, expected none")
-        return volume
+        return Volume(volume, self.grid, self.length_unit)
 
     def write(self, number: int, volume: NDArray[np.float32]) -> None:
         """Write the volume of a frame."""
