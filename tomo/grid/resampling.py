@@ -25,9 +25,10 @@ def interpolated(values: NDArray, grid: VoxelGrid, points: ArrayLike) -> NDArray
     """
     from scipy.ndimage import map_coordinates
 
-    index = (np.asarray(points, np.float64) - grid.origin) / grid.spacing
-    if index.shape[-1:] != (3,):
-        raise ValueError(f"points: found shape {index.shape}, expected (..., 3)")
+    points = np.asarray(points, np.float64)
+    if points.shape[-1:] != (3,):
+        raise ValueError(f"points: found shape {points.shape}, expected (..., 3)")
+    index = (points - grid.origin) / grid.spacing
     found = map_coordinates(
         values, np.moveaxis(index, -1, 0).reshape(3, -1), np.float64, order=1,
         mode="grid-constant",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Sequence
@@ -91,6 +92,15 @@ class VolumeFilm:
         )  # fmt: skip
         write_coordinates(group, grid, times, length_unit)
         return cls(path)
+
+    @staticmethod
+    def is_at(path: str | os.PathLike) -> bool:
+        """Return whether a folder is a film of volumes, such as a simulation's truth."""
+        try:
+            about = json.loads((Path(path) / "zarr.json").read_text("utf-8"))
+            return about["attributes"]["format"] == FORMAT
+        except (OSError, ValueError, KeyError, TypeError):
+            return False
 
     @property
     def n_frames(self) -> int:
