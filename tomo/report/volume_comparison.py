@@ -187,7 +187,7 @@ class VolumeComparison:
                 "title": "Middle planes",
                 "data": embedded(png_bytes(self.draw())),
                 "alt": f"Three planes of {first}, of {second} and of their difference",
-                "caption": f"Both on one scale; right, {second} less {first}, red where it is more.",
+                "caption": f"Both on one scale; right, {second} less {first}, red where more.",
             },
             titles=[
                 "Volume",
