@@ -57,6 +57,7 @@ __getattr__, __dir__, __all__ = attach(
         "series",
         "simulation",
         "solvers",
+        "view",
         "wernet",
     ],
     submod_attrs={
