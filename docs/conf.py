@@ -61,9 +61,9 @@ EXAMPLES = (
     "noise_and_prior", "wernet_learns_optics", "wernet_paper", "wernet_film",
     "gains_and_backgrounds",
     # trust
-    "uncertainty_map",
+    "uncertainty_map", "flame_front",
     # films
-    "film_to_zarr",
+    "film_to_zarr", "film_mean_and_rms",
     # optics
     "quartz_window", "occluder_from_cad", "mirror_view", "depth_of_field",
     "two_colour_temperature",

@@ -34,16 +34,20 @@ def attach(
     def get(name: str) -> Any:
         if name in public:
             return load(name)
-        # here: commands import packages before they listen to Ctrl-C
-        from difflib import get_close_matches
         from importlib.util import find_spec
 
         if not name.startswith("_") and find_spec(f"{package}.{name}"):
             raise AttributeError(f"{package}.{name} is not loaded yet: import {package}.{name}")
-        close = get_close_matches(name, public, 1)
-        meant = f"did you mean {close[0]}? " if close else ""
-        raise AttributeError(
-            f"{package} has no {name!r}: {meant}help({package}) says what there is"
-        )
+        raise no_such_name(package, name, public)
 
     return get, names, public
+
+
+def no_such_name(package: str, name: str, public: list[str]) -> AttributeError:
+    """Return the error of a wrong name, with the one that may be meant."""
+    # here: commands import packages before they listen to Ctrl-C
+    from difflib import get_close_matches
+
+    close = get_close_matches(name, public, 1)
+    meant = f"did you mean {close[0]}? " if close else ""
+    return AttributeError(f"{package} has no {name!r}: {meant}help({package}) says what there is")

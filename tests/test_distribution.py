@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[1]
 SOURCES = (
     ".ci", ".gitignore", "CHANGELOG.md", "CITATION.cff", "CONTRIBUTING.md", "LICENSE",
-    "MANIFEST.in", "README.md", "constraints.txt", "docs", "packaging", "phantoms",
+    "MANIFEST.in", "README.md", "constraints.txt", "docs", "flametomo.py", "packaging", "phantoms",
     "pyproject.toml", "rigs", "setup.cfg", "tests", "tomo", "tools",
 )  # fmt: skip
 
@@ -58,7 +58,7 @@ def test_the_wheel_holds_the_packages_and_their_data_alone(built):
     with zipfile.ZipFile(wheel) as archive:
         names = {name for name in archive.namelist() if ".dist-info/" not in name}
         texts = {name: archive.read(name) for name in archive.namelist() if ".dist-info/" in name}
-    wanted = set()
+    wanted = {"flametomo.py"}
     for folder in ("tomo", "rigs", "phantoms"):
         wanted |= names_beside(folder, "*.py") | {f"{folder}/py.typed"}
     wanted |= names_beside("tomo/draw/templates", "*.html")

@@ -46,9 +46,9 @@ def in_fresh_interpreter(code):
 
 
 def test_importing_the_packages_loads_nothing_heavy():
-    code = f"import sys, {', '.join(PACKAGES)}; print(*sys.modules)"
+    code = "import sys, flametomo; print(*sys.modules)"
     loaded = {name.split(".")[0] for name in in_fresh_interpreter(code).split()}
-    assert loaded >= set(PACKAGES)
+    assert loaded >= {*PACKAGES, "flametomo"}
     assert not loaded & set(HEAVY)
 
 

@@ -147,4 +147,4 @@ def test_the_context_of_the_image_holds_what_pip_reads(name):
     kept = {line[1:] for line in lines(text) if line.startswith("!")}
     assert name in kept
     assert all((ROOT / one).exists() for one in kept)
-    assert kept >= {"README.md", "tomo", "rigs", "phantoms"}
+    assert kept >= {"README.md", "flametomo.py", "tomo", "rigs", "phantoms"}

@@ -3,6 +3,8 @@
 The nouns:
 
 - `VoxelGrid`: where the voxels are: shape, spacing, centre.
+- `Volume`: the values of the voxels, an array that knows its grid: ``sample``, ``profile``,
+  ``project``, ``area``, ``total``, ``crop``, ``resample``. `mean_and_rms` is over a film.
 - `Scan`: the images of a rig's cameras (`rigs.Rig`), of one moment or a film. `load_scan` reads a
   folder, `scan_of_images` images beside a rig, `Scan.from_arrays` takes arrays, and `simulate`
   makes one of a known emission (`phantoms`).
@@ -55,11 +57,12 @@ __getattr__, __dir__, __all__ = attach(
         "series",
         "simulation",
         "solvers",
+        "view",
         "wernet",
     ],
     submod_attrs={
         "export": ["export_series"],
-        "grid": ["ActiveVoxels", "VoxelGrid"],
+        "grid": ["ActiveVoxels", "Volume", "VoxelGrid", "mean_and_rms"],
         "operators": ["LinearSystem", "Projector", "GaussianBasis", "dot_test"],
         "pipeline": ["Options", "Reconstruction", "reconstruct"],
         "rays": ["Rays"],

@@ -1,6 +1,7 @@
-"""Methods of values whose work a package on a higher floor does: drawing and writing.
+"""Methods of values whose work a package on a higher floor does: drawing, writing, projecting.
 
-`Reconstruction.save` writes what `tomo.report` makes, and a notebook shows what `tomo.draw` draws.
+`Reconstruction.save` writes what `tomo.report` makes, a notebook shows what `tomo.draw` draws, and
+`Volume.project` uses `tomo.operators`.
 Imports point downwards, so that the method names its function as text, in `HIGHER` alone.
 """
 
@@ -14,6 +15,9 @@ HIGHER = {
     "save": "tomo.report.outcome_files:write_outcome",
     "reconstruction_html": "tomo.report.notebook:reconstruction_html",
     "scan_html": "tomo.draw.scan_html:scan_html",
+    "image_of": "tomo.operators.image_of:image_of",
+    "isosurface": "tomo.draw.volume.isosurface:isosurface",
+    "data_array": "tomo.io.xarray_volumes:data_array",
 }
 """What a method asks for, and the function that does it."""
 

@@ -21,6 +21,7 @@ VERBS = {
     "view": "Show a volume with its cameras, a film or a rig in the browser.",
     "visualize-rig": "Draw a rig's cameras and the volume that they look at.",
     "visualize-volume": "Draw a volume's planes, line integrals and surfaces.",
+    "compare": "Compare two volumes: figures, slices beside each other and their difference.",
     "calibrate-rig": "Calibrate a rig from images of a flat target.",
     "check-rig": "Check whether a rig is good enough for a volume.",
     "convert-rig": "Convert a rig from one format into another.",

@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import zarr
-from numpy.typing import NDArray
 
 from rigs.files import atomic_path
 from tomo.export.frames import Frames
+from tomo.grid import mean_and_rms
 from tomo.io.checked_arrays import create_array
 
 
@@ -31,7 +31,7 @@ def write_statistics(frames: Frames, target: Path) -> None:
             f"{frames.store.path}: frames: found 1, expected 2 or more for statistics"
         )
     with result_store(frames, target) as group:
-        mean, rms = mean_and_rms(frames)
+        mean, rms = mean_and_rms(frames.volumes())
         unit = frames.store.attributes["value_unit"]
         for name, values, words in (
             ("mean", mean, "mean over time"),
@@ -41,27 +41,6 @@ def write_statistics(frames: Frames, target: Path) -> None:
                 group, name, values.shape, frames.chunk(), "f4", ("x", "y", "z"),
                 units=unit, long_name=f"{words} of a voxel's emission",
             )[:] = values.astype(np.float32)  # fmt: skip
-
-
-def mean_and_rms(frames: Frames) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the mean of every voxel, and the RMS of its fluctuation, ``(nx, ny, nz)`` each.
-
-    Notes
-    -----
-    Welford's update in float64: ``d = x - m; m += d / n; s += d (x - m)``, and the RMS is
-    ``sqrt(s / n)``. It loses no digits where the fluctuation is small against the mean.
-
-    B. P. Welford, "Note on a method for calculating corrected sums of squares and products",
-    Technometrics 4 (1962), 419-420.
-    """
-    mean = np.zeros(frames.store.grid.shape)
-    squares = np.zeros(frames.store.grid.shape)
-    for number, volume in enumerate(frames.volumes(), 1):
-        difference = volume - mean
-        mean += difference / number
-        difference *= volume - mean
-        squares += difference
-    return mean, np.sqrt(squares / len(frames))
 
 
 @contextmanager

@@ -6,6 +6,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "active_voxels": ["ActiveVoxels"],
+        "film_mean": ["mean_and_rms"],
+        "volume": ["Volume"],
         "voxel_grid": ["VoxelGrid", "grid_of_rig"],
     },
 )

@@ -226,6 +226,15 @@ class VoxelGrid:
         """Return the centre of every voxel, ``(nx, ny, nz, 3)``."""
         return np.stack(np.meshgrid(*self.axes(), indexing="ij"), axis=-1)
 
+    def coincides(self, other: VoxelGrid) -> bool:
+        """Return whether both have the same voxels, up to the rounding of files."""
+        from tomo.grid.coordinates import UNEVEN
+
+        if self.shape != other.shape:
+            return False
+        off = np.abs([self.lower - other.lower, self.upper - other.upper])
+        return self == other or bool((off <= UNEVEN * np.asarray(self.spacing)).all())
+
     def refined(self, factor: int) -> VoxelGrid:
         """Return the grid of the same box with voxels ``factor`` times finer along each axis."""
         if factor < 1 or factor != int(factor):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import os
 from collections.abc import Sequence
@@ -12,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 from tomo.io.checked_arrays import (
     chunk_file,
     create_array,
@@ -92,13 +93,22 @@ class VolumeFilm:
         write_coordinates(group, grid, times, length_unit)
         return cls(path)
 
+    @staticmethod
+    def is_at(path: str | os.PathLike) -> bool:
+        """Return whether a folder is a film of volumes, such as a simulation's truth."""
+        try:
+            about = json.loads((Path(path) / "zarr.json").read_text("utf-8"))
+            return about["attributes"]["format"] == FORMAT
+        except (OSError, ValueError, KeyError, TypeError):
+            return False
+
     @property
     def n_frames(self) -> int:
         """Frames that the film is for."""
         return self._values.shape[0]
 
-    def read(self, number: int) -> NDArray[np.float32]:
-        """Return the volume of a frame, ``(nx, ny, nz)``.
+    def read(self, number: int) -> Volume:
+        """Return the volume of a frame.
 
         Raises
         ------
@@ -115,7 +125,7 @@ class VolumeFilm:
             volume = np.asarray(self._values[number])
         if not np.isfinite(volume).all():
             raise ValueError(f"{self.path}: frame {number}: found NaN or infinity, expected none")
-        return volume
+        return Volume(volume, self.grid, self.length_unit)
 
     def write(self, number: int, volume: NDArray[np.float32]) -> None:
         """Write the volume of a frame."""

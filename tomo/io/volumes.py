@@ -19,10 +19,8 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.files import atomic_path
 from rigs.files.archives import read_array, read_arrays
 from rigs.files.size_guard import errors_of_libraries, largest_claim
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 from tomo.io import _metaimage, _nifti, _nrrd, _vti
-
-Volume = tuple[NDArray[np.float32], VoxelGrid, str]
 
 _HEADERS = 1 << 12  # bytes of a file written here that are no values, at the most
 
@@ -34,7 +32,7 @@ def read_volume(
     spacing: ArrayLike | None = None,
     center: ArrayLike | None = None,
     length_unit: str | None = None,
-) -> Volume:
+) -> tuple[Volume, VoxelGrid, str]:
     """Read a volume; axes that run against x, y or z, or in another order, are put in order.
 
     Parameters
@@ -54,8 +52,10 @@ def read_volume(
 
     Returns
     -------
-    data : (nx, ny, nz) float32
+    data : Volume
+        ``(nx, ny, nz)`` float32, with both units.
     grid : VoxelGrid
+        The volume's.
     length_unit : str
         ``"mm"`` where the file names none.
 
@@ -78,7 +78,7 @@ def read_volume_with_unit(
     spacing: ArrayLike | None = None,
     center: ArrayLike | None = None,
     length_unit: str | None = None,
-) -> tuple[NDArray[np.float32], VoxelGrid, str, str]:
+) -> tuple[Volume, VoxelGrid, str, str]:
     """Return what `read_volume` does, and the unit of the values; empty where none is named."""
     path = Path(path)
     reader = _format_of(path, _READERS)
@@ -112,7 +112,8 @@ def read_volume_with_unit(
             raise ValueError("found NaN in every voxel, expected some finite values")
         check_length_unit(length_unit)
         _check_value_unit(value_unit)
-    return data, grid, length_unit, value_unit
+    volume = Volume(data, grid, length_unit, value_unit)
+    return volume, grid, length_unit, value_unit
 
 
 def readable_endings() -> tuple[str, ...]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 from tomo.grid.coordinates import AXES, descending
 from tomo.io.volumes import check_length_unit
 
@@ -83,8 +83,8 @@ def data_array(
     )
 
 
-def volume_of_data_array(array: DataArray) -> tuple[NDArray, VoxelGrid, str, str]:
-    """Return data ``(nx, ny, nz)``, grid and both units of a DataArray along x, y and z.
+def volume_of_data_array(array: DataArray) -> tuple[Volume, VoxelGrid, str, str]:
+    """Return the volume of a DataArray along x, y and z, its grid and both units.
 
     The dimensions may have any order, and coordinates may descend. The length unit is ``mm`` where
     the coordinates name none; the unit of the values is empty where the array names none.
@@ -109,4 +109,5 @@ def volume_of_data_array(array: DataArray) -> tuple[NDArray, VoxelGrid, str, str
     check_length_unit(length_unit)
     backwards = tuple(AXES.index(name) for name in descending(array))
     data = np.flip(np.asarray(array.transpose(*AXES).values), backwards)
-    return data, grid, length_unit, str(array.attrs.get("units", ""))
+    value_unit = str(array.attrs.get("units", ""))
+    return Volume(data, grid, length_unit, value_unit), grid, length_unit, value_unit

@@ -51,6 +51,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "composition": ["BasisProjector", "ComposedProjector", "ImageOperator"],
         "dot_test": ["dot_test"],
         "image_blur": ["ImageBlur"],
+        "image_of": ["image_of"],
         "lens_blur": ["lens_blur"],
         "memory": [
             "BYTES_PER_MIDPOINT",

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo._compute.higher import higher
+from tomo.grid import Volume
 from tomo.inference.finding import Finding
 from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
@@ -131,12 +132,12 @@ class Reconstruction:
         )
 
     @property
-    def volume(self) -> NDArray[np.float32]:
+    def volume(self) -> Volume:
         """The volume; where no ray says anything, NaN if that was asked for."""
-        volume = self.solution.volume
-        if self.unseen is None or self.options.unseen != NOT_A_NUMBER:
-            return volume
-        return np.where(self.unseen, np.float32(np.nan), volume)
+        values: NDArray[np.float32] = self.solution.volume
+        if self.unseen is not None and self.options.unseen == NOT_A_NUMBER:
+            values = np.where(self.unseen, np.float32(np.nan), values)
+        return Volume(values, self.solution.grid, self.rig.length_unit, self.value_unit)
 
     @cached_property
     def answer(self) -> Answer:

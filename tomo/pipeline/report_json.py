@@ -14,7 +14,6 @@ import numpy as np
 from tomo.pipeline.answer import verdict_of
 from tomo.pipeline.verdict import judge
 from tomo.radiometry.units import unit_of_total
-from tomo.uncertainty.summaries import total
 
 _REPORTED_PACKAGES = ("flametomo", "numpy", "scipy", "numba", "torch", "open3d", "open3d-cpu")
 
@@ -101,7 +100,7 @@ def _emission(outcome: Any) -> dict[str, Any]:
     """
     found = outcome.solution
     unit, factor = _of_total(outcome)
-    whole = factor * total(found.volume, found.grid)
+    whole = factor * found.volume.total()
     report = {
         "largest": float(found.volume.max(initial=0.0)),
         "unit": outcome.value_unit,

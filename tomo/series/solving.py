@@ -26,7 +26,6 @@ from tomo.series.block_system import BlockSystem
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
 from tomo.solvers import Iteration, Solution
-from tomo.uncertainty.summaries import total
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +165,7 @@ def _figures(
     alike = {view.name: view.similarity(plan.peak.value) for view in held_out}
     figures = {
         "relative_residual": _relative_residual(views),
-        "total_emission": total(volume, plan.grid) * per_total,
+        "total_emission": volume.total() * per_total,
         **_against_the_truth(plan, frame, volume),
     }
     return figures, {

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,7 +20,7 @@ import zarr
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 from tomo.io.checked_arrays import note_without_checksums
 from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.series.chunks import Chunks
@@ -178,8 +178,8 @@ class SeriesStore:
         """Return whether nothing is left to do of a block."""
         return bool(self._recorded(block).all())
 
-    def volume(self, place: int) -> NDArray[np.float32]:
-        """Return the volume of a frame by its place in the store, ``(nx, ny, nz)``.
+    def volume(self, place: int) -> Volume:
+        """Return the volume of a frame by its place in the store.
 
         Raises
         ------
@@ -190,7 +190,14 @@ class SeriesStore:
         if state != COMPLETE:
             found = "left out, as it could not be read" if state == LEFT_OUT else "missing"
             raise ValueError(f"{self.path}: frame {place}: found it {found}, expected a volume")
-        return self._chunks.read("emission", range(place, place + 1))[0]
+        values = self._chunks.read("emission", range(place, place + 1))[0]
+        units = self.attributes["length_unit"], self.attributes["value_unit"]
+        return Volume(values, self.grid, *units)
+
+    def volumes(self, places: Iterable[int] | None = None) -> Iterator[Volume]:
+        """Yield the volumes of frames by their places, of all that are complete when None."""
+        for place in np.flatnonzero(self.complete).tolist() if places is None else places:
+            yield self.volume(place)
 
     def check_present(self, places: Iterable[int]) -> None:
         """Raise where the volume of a frame that is recorded as complete is gone.

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 
 class LearnedWeights(Protocol):
@@ -54,8 +54,9 @@ class Solution:
 
     Attributes
     ----------
-    volume : (nx, ny, nz) float32
-        Emission per unit length: a pixel is the sum of ``volume x segment length``.
+    volume : Volume
+        Emission per unit length, ``(nx, ny, nz)`` float32, made of any array: a pixel is the sum
+        of ``volume x segment length``.
     grid : VoxelGrid
         The grid of the volume.
     history : tuple of Iteration
@@ -90,12 +91,8 @@ class Solution:
     encoder: Any = None
 
     def __post_init__(self) -> None:
-        """Check that the volume lives on the grid."""
-        if self.volume.shape != self.grid.shape:
-            raise ValueError(
-                f"reconstruction volume: found shape {self.volume.shape}, "
-                f"expected the grid's {self.grid.shape}"
-            )
+        """Put the volume on the grid."""
+        object.__setattr__(self, "volume", Volume(self.volume, self.grid))
 
     def __repr__(self) -> str:
         """Name the method, the size and the relative residual."""

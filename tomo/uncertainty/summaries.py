@@ -5,17 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.grid import ActiveVoxels, Volume, VoxelGrid
 
 HALF = 0.5
 """Fraction of the largest plane sum at which an edge of the emission is."""
 
 NAMES = ("total", "plane_sums_x", "plane_sums_y", "plane_sums_z", "edges")
-
-
-def total(volume: NDArray, grid: VoxelGrid) -> float:
-    """Return the integral of a volume ``(nx, ny, nz)``: emission times length cubed."""
-    return float(volume.sum(dtype=np.float64) * np.prod(grid.spacing))
 
 
 def plane_sums(volume: NDArray, grid: VoxelGrid) -> list[NDArray[np.float64]]:
@@ -53,7 +48,7 @@ def edges(volume: NDArray, grid: VoxelGrid) -> NDArray[np.float64]:
 def all_of(volume: NDArray, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return total, plane sums and edges in one row: ``(1 + nx + ny + nz + 6,)``."""
     sums = plane_sums(volume, grid)
-    return np.concatenate([[total(volume, grid)], *sums, edges(volume, grid).ravel()])
+    return np.concatenate([[Volume(volume, grid).total()], *sums, edges(volume, grid).ravel()])
 
 
 def of_unknowns(unknowns: NDArray, active: ActiveVoxels) -> NDArray[np.float64]:

@@ -4,8 +4,7 @@ import scipy.signal
 import xarray
 
 from tomo.export import export_series, spectrum
-from tomo.export.frames import Frames
-from tomo.export.statistics import mean_and_rms
+from tomo.grid import mean_and_rms
 
 
 @pytest.fixture(scope="module")
@@ -23,9 +22,11 @@ def noisy(noise, filled, tmp_path_factory):
 
 
 def test_mean_and_rms_are_those_of_all_frames_at_once(noise, noisy, tmp_path):
-    mean, rms = mean_and_rms(Frames(noisy, tuple(range(96))))
+    mean, rms = mean_and_rms(noisy.volumes())
     np.testing.assert_allclose(mean, noise.mean(0, dtype=np.float64), rtol=1e-12)
     np.testing.assert_allclose(rms, noise.std(0, dtype=np.float64), rtol=1e-9)
+    assert mean.grid == rms.grid == noisy.grid
+    assert rms.value_unit == "counts per mm"
     written = export_series(noisy, tmp_path / "statistics.zarr", "statistics")
     with xarray.open_zarr(written, consolidated=False) as data:
         assert data["rms"].dims == ("x", "y", "z")
