@@ -14,6 +14,7 @@ from tomo.cli.usage import UsageError, command_line
 
 VERBS = {
     "demo": "Simulate a turbulent flame, reconstruct it, and write the report.",
+    "init": "Write scan.yaml and rig.yaml for the images in a folder.",
     "simulate": "Simulate the images that a rig's cameras take of a phantom.",
     "reconstruct": "Reconstruct the emission in every voxel from a scan's images.",
     "hull": "Find the voxels of an opaque thing that no silhouette excludes.",

@@ -1,0 +1,323 @@
+"""A scan of the images in a folder, with what was found and what was assumed, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rigs import Rig, formats, load, preset_names
+from rigs.changes import with_cameras
+from rigs.files.units import UNKNOWN
+from rigs.recordings.naming import patterns_of
+from tomo.grid import VoxelGrid, grid_of_rig
+from tomo.scan.films import FilmFrame, frame_rate_of, notes_of_films
+from tomo.scan.propose.box import Box, box_of_light, grid_in
+from tomo.scan.propose.camera_images import (
+    CameraImages,
+    check_sizes,
+    images_of,
+    renamed_as_images,
+    sizes_of,
+)
+from tomo.scan.propose.contents import KINDS, RIG_FILE, Contents, find_rig
+from tomo.scan.propose.dark_and_flat import check_correction, correction_of
+from tomo.scan.scan import Scan
+
+NONE = "none"
+"""As dark or flat: such frames are left out."""
+
+
+@dataclass(frozen=True)
+class Request:
+    """What a user says of a folder; the rest is found in it.
+
+    Attributes
+    ----------
+    rig : str, optional
+        A rig, in the folder or elsewhere: what `rigs.load` takes.
+    pattern : str, optional
+        How images are named, relative to the folder.
+    dark, flat : str or float, optional
+        The value of scan.yaml, or ``none``.
+    channel, bayer : str, optional
+    bit_depth : int, optional
+    rename : mapping
+        New names of cameras, by those of the rig.
+    drop : tuple of str
+        Cameras to leave out.
+    length_unit : str, optional
+        The rig's, as `rigs.load` takes it.
+    grid : VoxelGrid, optional
+    box : (lower, upper), optional
+        Its corners, where only the voxels are to be proposed.
+    voxel : float, optional
+        Its edge, where only the box is to be proposed.
+    """
+
+    rig: str | None = None
+    pattern: str | None = None
+    dark: str | float | None = None
+    flat: str | float | None = None
+    channel: str | None = None
+    bayer: str | None = None
+    bit_depth: int | None = None
+    rename: Mapping[str, str] = field(default_factory=dict)
+    drop: tuple[str, ...] = ()
+    length_unit: str | None = None
+    grid: VoxelGrid | None = None
+    box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
+    voxel: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A scan that is not written yet.
+
+    Attributes
+    ----------
+    folder : Path
+    scan : Scan
+        With rig, grid and corrections.
+    images : CameraImages
+    corrections : dict
+        As scan.yaml has them.
+    is_rig_kept : bool
+        Whether the folder's rig.yaml is the rig as it is.
+    said : dict of str to list of str
+        Sentences on the rig, the images, each correction and the grid: what was found, how it was
+        decided, and what was assumed.
+    scale : int
+        By how much images may be shrunk for such voxels.
+    """
+
+    folder: Path
+    scan: Scan
+    images: CameraImages
+    corrections: dict[str, Any]
+    is_rig_kept: bool
+    said: dict[str, list[str]]
+    scale: int = 1
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The voxels."""
+        assert self.scan.grid is not None
+        return self.scan.grid
+
+
+def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
+    """Return the scan of the images in a folder; nothing is written.
+
+    Parameters
+    ----------
+    folder : Path
+    request : Request, optional
+        What is known already.
+
+    Raises
+    ------
+    UndecidedError
+        If the folder can be read in several ways: it names them, and the field of ``request``.
+    ValueError, OSError
+        In one line that names file, camera and field.
+    """
+    folder, request = Path(folder), request or Request()
+    contents = Contents.of(folder)
+    rig, is_kept, said = _rig(contents, request)
+    images = images_of(contents, rig, request.pattern, request.drop)
+    check_sizes(rig, images)
+    said["images"] = _about_images(images, rig)
+    corrections = _corrections(contents, rig, request, said)
+    scan = _scan(folder, rig, images, corrections)
+    if "bit_depth" not in corrections:
+        corrections |= _bit_depth(scan, images, said)
+        scan = _scan(folder, rig, images, corrections)
+    grid, scale, said["grid"] = _grid(scan, images, request)
+    return Proposal(folder, replace(scan, grid=grid), images, corrections, is_kept, said, scale)
+
+
+def _rig(contents: Contents, request: Request) -> tuple[Rig, bool, dict[str, list[str]]]:
+    """Return the rig, whether it is the folder's rig.yaml as it is, and what to say of it."""
+    folder = contents.folder
+    named = request.rig
+    if named is None:
+        path, form = find_rig(folder)
+    else:
+        path = next((p for p in (folder / named, Path(named)) if p.exists()), Path(named))
+        form = "preset" if not path.exists() and named in preset_names() else ""
+    rig = _loaded(contents, path, form, request.length_unit)
+    form = form or formats.sniff(path)
+    is_kept = path == folder / RIG_FILE and request.length_unit is None
+    inside = path.relative_to(folder) if path.is_relative_to(folder) else path
+    where = "the folder itself" if path == folder else inside
+    how = "named" if named is not None else "found"
+    said = [f"{len(rig)} cameras from {where} ({form}), {how}"]
+    if rig.length_unit == UNKNOWN:
+        said.append(
+            "assumed: lengths in one unknown unit, as the file names none: --length-unit says it"
+        )
+    names = {name: name for name in rig.names if name not in request.drop}
+    for name in (*request.rename, *request.drop):
+        if name in request.rename or not patterns_of(contents.light, [name]):
+            rig[name]  # raises where there is none
+    names |= {old: new for old, new in request.rename.items() if old in names}
+    if list(names) != list(rig.names) or list(names.values()) != list(rig.names):
+        gone = [name for name in rig.names if name not in names]
+        rig, is_kept = with_cameras(rig, names), False
+        said += [f"cameras left out, as asked: {', '.join(gone)}"] if gone else []
+    alike = renamed_as_images(contents, rig) if request.pattern is None else {}
+    if alike:
+        rig, is_kept = with_cameras(rig, alike), False
+        each = ", ".join(f"{old} is {new}" for old, new in alike.items())
+        said.append(
+            f"assumed: names of cameras that differ in writing alone mean the same: {each}"
+        )
+    if not len(rig):
+        raise ValueError(f"{path}: cameras: found none, expected at least one")
+    if any(camera.status == "nominal" for camera in rig):
+        said.append("nominal: no calibration; errors of several pixels are expected")
+    return rig, is_kept, {"rig": said}
+
+
+def _loaded(contents: Contents, path: Path, form: str, unit: str | None) -> Rig:
+    """Return the rig of a file; one without image sizes has that of the images if it is one."""
+    try:
+        return load(path, length_unit=unit)
+    except ValueError as error:
+        if ": image_size: missing" not in str(error):
+            raise
+        sizes = sizes_of(contents.folder / one for one in contents.light)
+        if len(sizes) != 1:
+            raise
+        return load(path, length_unit=unit, image_size=next(iter(sizes)))
+
+
+def _about_images(images: CameraImages, rig: Rig) -> list[str]:
+    """Return what to say of the images."""
+    frames, sizes = images.frames, {" x ".join(map(str, camera.image_size)) for camera in rig}
+    names = [frame.name for frame in frames]
+    span = names[0] if len(names) == 1 else f"{names[0]} to {names[-1]}"
+    moments = f"{len(names)} frame{'s' * (len(names) > 1)} ({span})"
+    kind = "films" if images.films else "images"
+    said = [
+        f"{kind} of {len(rig)} cameras named {images.pattern}, {moments}, "
+        f"{', '.join(sorted(sizes))} pixels"
+    ]
+    if images.others:
+        said.append(f"not used: {', '.join(images.others)}; --pattern takes them")
+    lacking = [frame.name for frame in frames if len(frame.images) < len(rig)]
+    if lacking and not images.films:
+        first = next(frame for frame in frames if frame.name == lacking[0])
+        camera = next(name for name in rig.names if name not in first.images)
+        if len(lacking) == len(frames):
+            raise ValueError(
+                f"{images.pattern}: frame {first.name!r}: camera {camera}: found no image, and no "
+                "frame with one of each camera; expected files of one moment to have one number"
+            )
+        said.append(
+            f"{len(lacking)} frames lack a camera's image, the first {first.name} that of {camera}"
+        )
+    return said
+
+
+def _corrections(
+    contents: Contents, rig: Rig, request: Request, said: dict[str, list[str]]
+) -> dict[str, Any]:
+    """Return the corrections as scan.yaml has them, and say how each was found."""
+    found: dict[str, Any] = {}
+    for name in KINDS:
+        given = getattr(request, name)
+        if given == NONE:
+            said[name] = ["left out, as asked"]
+            continue
+        value = correction_of(contents, name, rig, request.drop) if given is None else given
+        if value is None:
+            said[name] = ["none found"]
+            continue
+        counts = check_correction(contents.folder, name, value, rig)
+        said[name] = [f"{value}, {'found by its name' if given is None else 'named'}"]
+        most, least = max(counts.values()), min(counts.values())
+        if most > 1:
+            each = most if most == least else f"{least} to {most}"
+            said[name][0] += f"; the mean of {each} images of each camera"
+        if name == "dark" and given is None and "background" in str(value).lower():
+            said[name].append("assumed: what the background shows is in the images too")
+        if name == "flat":
+            said[name].append("assumed: its dark level has been taken off, and its mean stays")
+        found[name] = value
+    for name in ("bit_depth", "bayer", "channel"):
+        if getattr(request, name) is not None:
+            found[name] = getattr(request, name)
+            said[name] = ["named"]
+    return found
+
+
+def _scan(folder: Path, rig: Rig, images: CameraImages, corrections: Mapping[str, Any]) -> Scan:
+    """Return the scan, which reads as its scan.yaml will."""
+    paths = {
+        name: folder / value if name in KINDS and isinstance(value, str) else value
+        for name, value in corrections.items()
+    }
+    rate, notes = None, tuple[str, ...]()
+    if images.films:
+        rate, notes = frame_rate_of(images.films), notes_of_films(images.films)
+    scan = Scan(rig, images.frames, source=folder, frame_rate=rate, notes=tuple(notes))
+    return scan.with_corrections(**paths) if paths else scan
+
+
+def _looked_at(images: CameraImages) -> list[str]:
+    """Return the first, the middle and the last frame that every camera has."""
+    names = [frame.name for frame in images.complete]
+    return list(dict.fromkeys((names[0], names[len(names) // 2], names[-1])))
+
+
+def _bit_depth(scan: Scan, images: CameraImages, said: dict[str, list[str]]) -> dict[str, Any]:
+    """Return the bits that the numbers of 16-bit images show, where all cameras agree."""
+    if any(isinstance(one, FilmFrame) for one in images.complete[0].images.values()):
+        return {}
+    for frame in _looked_at(images):
+        bits = scan.read_with_faults(frame)[4].values()
+        found = {one.bits for one in bits if one is not None and one.bits and not one.shift}
+        if len(found) == 1:
+            (depth,) = found
+            said["bit_depth"] = [
+                f"assumed: cameras of {depth} bits, as pixels of frame {frame} end at exactly "
+                f"{2**depth - 1}"
+            ]
+            return {"bit_depth": depth}
+    return {}
+
+
+def _grid(scan: Scan, images: CameraImages, request: Request) -> tuple[VoxelGrid, int, list[str]]:
+    """Return the voxels, by how much images may be shrunk for them, and how they were found."""
+    if request.grid is not None:
+        return request.grid, 1, ["named"]
+    known = grid_of_rig(scan.rig)
+    if known is not None and request.box is None and request.voxel is None:
+        return known, 1, ["the volume of the rig"]
+    if request.box is not None:
+        lower, upper = request.box
+        box = Box(np.array(lower, np.float64), np.array(upper, np.float64), "named")
+    else:
+        box = box_of_light(scan, _looked_at(images))
+    grid, scale, check = grid_in(scan.rig, box, request.voxel)
+    said = [f"box {box.reason}"]
+    unit = scan.rig.length_unit
+    if request.voxel is None:
+        half = check.resolved.half
+        said.append(
+            f"voxels of {grid.spacing[0]:g} {unit}: an eighth of the details of which the views "
+            f"measure half ({half:.3g} {unit}), or a pixel, whichever is larger"
+        )
+    else:
+        said.append(f"voxels of {grid.spacing[0]:g} {unit}, named")
+    if box.cut:
+        said.append(
+            f"light reaches the edges of the images of {', '.join(box.cut)}: what they do not see "
+            "of it is not in the box, so look at the pictures"
+        )
+    return grid, scale, said
