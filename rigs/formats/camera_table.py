@@ -62,13 +62,13 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             found = ", ".join(sorted(unit or "none" for unit in units))
             raise ValueError(f"x ... look_z: found the units {found}, expected one for all six")
         unit = units.pop() or UNKNOWN
+        cameras = [_camera(row, columns, image_size) for row in _rows(lines, columns)]
         if not set(columns) >= set(_UP):
             logger.warning(
                 "%s: y is taken to point to the images' top, as the table has no columns up_x, "
                 "up_y, up_z",
                 path,
             )
-        cameras = [_camera(row, columns, image_size) for row in _rows(lines, columns)]
         return Rig(tuple(cameras), unit, f"as in {path.name}")
 
 

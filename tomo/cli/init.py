@@ -115,7 +115,7 @@ def init(
         )
         check_output_folder(folder)
         found = _proposed(folder, request, may_ask=request == Request() and not json)
-        moment = found.images.complete[0].name
+        moment = found.images.moments[1].name
         pictures = load_thumbnails(found.scan.rig, found.scan, moment, note=say)
         sheet = contact_sheet(
             found.scan.rig,

@@ -35,6 +35,7 @@ def contact_sheet(
     tall = max(camera.image_size[1] / camera.image_size[0] for camera in cameras)
     columns = min(len(cameras), max(1, round(math.sqrt(1.5 * tall * len(cameras)))))
     rows = -(-len(cameras) // columns)
+    columns = -(-len(cameras) // rows)
     figure = new_figure(10.0, rows * (10.0 / columns * tall + 0.25) + 0.5, dpi=110)
     figure.suptitle(plain(title), fontsize=10, color=INK)
     for number, camera in enumerate(cameras, 1):

@@ -113,7 +113,7 @@ def grid_in(rig: Rig, box: Box, voxel: float | None = None) -> tuple[VoxelGrid, 
     pixel = float(np.median(sizes)) if sizes else float(extent.max()) / COARSEST
     edge = suitable_voxel(check, pixel) if voxel is None else voxel
     counts = np.ceil(np.round(extent / edge, 3)).astype(int)
-    middle = np.round((box.lower + box.upper) / 2 / edge) * edge + 0.0
+    middle = np.round((box.lower + box.upper) / 2 / edge, 1) * edge + 0.0
     center = [float(f"{value:.9g}") for value in middle]
     grid = VoxelGrid(tuple(counts.tolist()), edge, tuple(center))
     return grid, shrinkable(pixel / edge) or 1, check
@@ -140,9 +140,11 @@ def _reach(rig: Rig, point: NDArray[np.float64]) -> float:
 
 def _in_view(rig: Rig, grid: VoxelGrid) -> NDArray[np.bool_]:
     """Return which voxels half as many cameras see whole as the most do, and two at least."""
-    corners = [np.linspace(*ends, n + 1) for *ends, n in
-               zip(grid.lower, grid.upper, grid.shape, strict=True)]  # fmt: skip
-    points = np.stack(np.meshgrid(*corners, indexing="ij"), axis=-1).reshape(-1, 3)
+    edges = [
+        low + step * np.arange(n + 1)
+        for low, step, n in zip(grid.lower, grid.spacing, grid.shape, strict=True)
+    ]
+    points = np.stack(np.meshgrid(*edges, indexing="ij"), axis=-1).reshape(-1, 3)
     views = np.zeros(grid.shape, int)
     for camera in rig:
         uv, _, valid = camera.project(points)

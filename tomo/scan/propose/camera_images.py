@@ -45,10 +45,11 @@ class CameraImages:
     others: tuple[str, ...] = ()
 
     @property
-    def complete(self) -> tuple[Frame, ...]:
-        """The frames that have an image of every camera."""
+    def moments(self) -> tuple[Frame, Frame, Frame]:
+        """The first, the middle and the last of the frames with an image of every camera."""
         most = max(len(frame.images) for frame in self.frames)
-        return tuple(frame for frame in self.frames if len(frame.images) == most)
+        whole = [frame for frame in self.frames if len(frame.images) == most]
+        return whole[0], whole[len(whole) // 2], whole[-1]
 
 
 def images_of(
@@ -144,7 +145,7 @@ def check_sizes(rig: Rig, images: CameraImages) -> None:
     ValueError
         Naming file, camera and sizes.
     """
-    frames = images.complete[:1] if images.films else images.frames
+    frames = images.moments[:1] if images.films else images.frames
     for camera in rig:
         own = (frame.images[camera.name] for frame in frames if camera.name in frame.images)
         try:

@@ -74,10 +74,11 @@ def kind_of(path: PurePosixPath) -> str:
     return ""
 
 
-def find_rig(folder: Path) -> tuple[Path, str]:
-    """Return the only rig in a folder, or else in the folders in it, and so on, and its format.
+def find_rig(folder: Path) -> tuple[Path, str, list[str]]:
+    """Return the only rig in a folder, or else in the folders in it, and so on; and its format.
 
-    A ``rig.yaml`` comes before others, as for every command.
+    A ``rig.yaml`` comes before others, then a ``transforms.json``, the files that make a folder a
+    rig for every command; the names of the others are returned too.
 
     Raises
     ------
@@ -86,16 +87,17 @@ def find_rig(folder: Path) -> tuple[Path, str]:
     FileNotFoundError
         If there is none.
     """
-    if (folder / RIG_FILE).is_file():
-        return folder / RIG_FILE, "emission_rig"
     level: list[Path] = [folder]
     found: list[tuple[Path, str]] = []
     while level and not found:
         found = [rig for one in level for rig in _rigs_in(one)]
         inside = (one for place in level for one in sorted(place.iterdir()) if _is_seen(one))
         level = [one for one in inside if one.is_dir() and not one.is_symlink()]
+    names = [path.relative_to(folder).as_posix() for path, _ in found]
+    for name in (RIG_FILE, "transforms.json"):
+        if name in names:
+            return *found[names.index(name)], [one for one in names if one != name]
     if len(found) > 1:
-        names = [path.relative_to(folder).as_posix() for path, _ in found]
         raise UndecidedError(folder, "rigs", names, "rig")
     if not found:
         raise FileNotFoundError(
@@ -103,7 +105,7 @@ def find_rig(folder: Path) -> tuple[Path, str]:
             "cameras.csv with the head name,x_mm,y_mm,z_mm,look_x_mm,look_y_mm,look_z_mm,"
             "focal_mm,pitch_um; rig='FILE' names one elsewhere, calibrate-rig makes one of images"
         )
-    return found[0]
+    return *found[0], []
 
 
 def _rigs_in(folder: Path) -> list[tuple[Path, str]]:

@@ -14,7 +14,7 @@ from rigs.changes import with_cameras
 from rigs.files.units import UNKNOWN
 from rigs.recordings.naming import patterns_of
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.scan.films import FilmFrame, frame_rate_of, notes_of_films
+from tomo.scan.films import frame_rate_of, notes_of_films
 from tomo.scan.propose.box import Box, box_of_light, grid_in
 from tomo.scan.propose.camera_images import (
     CameraImages,
@@ -144,8 +144,9 @@ def _rig(contents: Contents, request: Request) -> tuple[Rig, bool, dict[str, lis
     """Return the rig, whether it is the folder's rig.yaml as it is, and what to say of it."""
     folder = contents.folder
     named = request.rig
+    others: list[str] = []
     if named is None:
-        path, form = find_rig(folder)
+        path, form, others = find_rig(folder)
     else:
         path = next((p for p in (folder / named, Path(named)) if p.exists()), Path(named))
         form = "preset" if not path.exists() and named in preset_names() else ""
@@ -156,6 +157,8 @@ def _rig(contents: Contents, request: Request) -> tuple[Rig, bool, dict[str, lis
     where = "the folder itself" if path == folder else inside
     how = "named" if named is not None else "found"
     said = [f"{len(rig)} cameras from {where} ({form}), {how}"]
+    if others:
+        said.append(f"not used: {', '.join(others)}; --rig takes one of them")
     if rig.length_unit == UNKNOWN:
         said.append(
             "assumed: lengths in one unknown unit, as the file names none: --length-unit says it"
@@ -270,14 +273,13 @@ def _scan(folder: Path, rig: Rig, images: CameraImages, corrections: Mapping[str
 
 
 def _looked_at(images: CameraImages) -> list[str]:
-    """Return the first, the middle and the last frame that every camera has."""
-    names = [frame.name for frame in images.complete]
-    return list(dict.fromkeys((names[0], names[len(names) // 2], names[-1])))
+    """Return the names of the frames that are looked at."""
+    return list(dict.fromkeys(frame.name for frame in images.moments))
 
 
 def _bit_depth(scan: Scan, images: CameraImages, said: dict[str, list[str]]) -> dict[str, Any]:
     """Return the bits that the numbers of 16-bit images show, where all cameras agree."""
-    if any(isinstance(one, FilmFrame) for one in images.complete[0].images.values()):
+    if images.films:
         return {}
     for frame in _looked_at(images):
         bits = scan.read_with_faults(frame)[4].values()

@@ -125,7 +125,7 @@ def _inside(path: object, folder: Path) -> str:
 
 
 def _yaml(content: dict[str, Any]) -> str:
-    """Return lines of YAML; the values of a mapping stand on one line, frames on lines of theirs."""
+    """Return lines of YAML; values of a mapping stand on one line, frames on their own."""
     text = ""
     for name, value in content.items():
         settings: dict[str, Any] = {"sort_keys": False, "allow_unicode": True, "width": 2**30}
