@@ -99,6 +99,7 @@ def init(
         from tomo.draw.rig.thumbnails import load_thumbnails
         from tomo.scan.propose import Request, write_proposal
         from tomo.scan.propose.contents import THUMBNAILS
+        from tomo.scan.propose.write import check_writable
 
         request = Request(
             rig=rig,
@@ -114,6 +115,7 @@ def init(
             **_grid(grid, spacing, center, lower, upper),
         )
         check_output_folder(folder)
+        check_writable(folder, (THUMBNAILS,), force=force)
         found = _proposed(folder, request, may_ask=request == Request() and not json)
         moment = found.images.moments[1].name
         pictures = load_thumbnails(found.scan.rig, found.scan, moment, note=say)

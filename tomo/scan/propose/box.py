@@ -77,11 +77,8 @@ def box_of_light(scan: Scan, frames: Sequence[str]) -> Box:
     cut: dict[str, None] = {}
     for frame in frames:
         images, masks = small.read(frame)
-        noise = [estimate_noise(i, m) for i, m in zip(images, masks, strict=True)]
-        clean = [
-            (image - background(image, mask, one)).astype(np.float32)
-            for image, mask, one in zip(images, masks, noise, strict=True)
-        ]
+        clean = [_without_background(i, m) for i, m in zip(images, masks, strict=True)]
+        noise = [estimate_noise(image, mask) for image, mask in zip(clean, masks, strict=True)]
         brightness = Brightness.of(clean, masks, 2.0, noise=noise)
         level = _certain(brightness)
         bounds = whole
@@ -136,6 +133,16 @@ def _reach(rig: Rig, point: NDArray[np.float64]) -> float:
         reaches.append(distance * math.tan(min(angle, math.pi / 4)))
         distances.append(distance)
     return min(max(reaches), min(distances) / 2)
+
+
+def _without_background(image: NDArray, mask: NDArray[np.bool_]) -> NDArray[np.float32]:
+    """Return an image less its uniform background: the median of what is no brighter by noise."""
+    noise = estimate_noise(image, mask)
+    level = background(image, mask, noise)
+    if level > 0:
+        most = level + 3 * math.sqrt(float(noise.variance(level)))
+        level = float(np.median(image[mask & (image <= most)]))
+    return (image - level).astype(np.float32)
 
 
 def _in_view(rig: Rig, grid: VoxelGrid) -> NDArray[np.bool_]:

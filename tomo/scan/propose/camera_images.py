@@ -221,13 +221,6 @@ def _missing(
         if pattern is not None:
             return ValueError(f"{folder}: pattern: found no image named {pattern!r}, expected one "
                               f"of each camera {', '.join(rig.names)}")  # fmt: skip
-        if not contents.light:
-            kept = {"dark": contents.dark, "flat": contents.flat}
-            taken = next((f"; {len(own)} are taken for {kind} frames by their names, like "
-                          f"{own[0]}: pattern='FOLDER/{{camera}}/{{frame}}.tif' says otherwise"
-                          for kind, own in kept.items() if own), "")  # fmt: skip
-            return ValueError(f"{folder}: images: found none, expected one of each camera "
-                              f"{', '.join(rig.names)}{taken}")  # fmt: skip
         called = Counter(path.parts[0] if len(path.parts) > 1 else path.name
                          for path in contents.light)  # fmt: skip
         return ValueError(

@@ -60,6 +60,24 @@ class Contents:
             found[kind_of(path)].append(path)
         return cls(folder, tuple(found[""]), tuple(found["dark"]), tuple(found["flat"]))
 
+    def check_light(self) -> None:
+        """Raise if there is no image of emission."""
+        if self.light:
+            return
+        taken = next(
+            (
+                f"; {len(own)} are taken for {kind} frames by their names, like {own[0]}: "
+                "pattern='FOLDER/{camera}/{frame}.tif' says otherwise"
+                for kind, own in (("dark", self.dark), ("flat", self.flat))
+                if own
+            ),
+            "",
+        )
+        raise ValueError(
+            f"{self.folder}: images: found none, expected files that end in "
+            f"{', '.join(IMAGE_SUFFIXES)}, or films{taken}"
+        )
+
 
 def kind_of(path: PurePosixPath) -> str:
     """Return the correction that an image is for by its name or a folder's, or nothing.

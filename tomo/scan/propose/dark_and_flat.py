@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -11,14 +12,14 @@ from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import FilmFrame
 from tomo.scan.mean_image import MeanImage, images_by_camera
 from tomo.scan.propose.camera_images import sizes_of
-from tomo.scan.propose.contents import Contents
+from tomo.scan.propose.contents import Contents, kind_of
 from tomo.scan.propose.undecided import UndecidedError
 
 FRAMES = "{frame}"
 
 
 def correction_of(
-    contents: Contents, name: str, rig: Rig, dropped: Sequence[str] = ()
+    contents: Contents, name: str, rig: Rig, images: str, dropped: Sequence[str] = ()
 ) -> str | None:
     """Return the value that scan.yaml has for dark or flat frames; None where there are none.
 
@@ -27,6 +28,8 @@ def correction_of(
     contents : Contents
     name : {"dark", "flat"}
     rig : Rig
+    images : str
+        The pattern of the cameras' images: frames beside them come before those elsewhere.
     dropped : sequence of str
         Cameras whose frames are passed over.
 
@@ -43,7 +46,8 @@ def correction_of(
     found = patterns_of(files, (*rig.names, *dropped))
     whole = {one: named for one, named in found.items() if set(named) >= set(rig.names)}
     values = {one: _value(contents.folder, name, one, named, rig) for one, named in whole.items()}
-    chosen = list(dict.fromkeys(values.values()))
+    beside = [value for one, value in values.items() if _place(one) == _place(images)]
+    chosen = beside if len(beside) == 1 else list(dict.fromkeys(values.values()))
     if len(chosen) > 1:
         raise UndecidedError(contents.folder, f"{name} frames", chosen, name)
     if chosen:
@@ -87,6 +91,12 @@ def check_correction(folder: Path, name: str, value: Any, rig: Rig) -> dict[str,
                 )
         counts[camera.name] = len(images)
     return counts
+
+
+def _place(pattern: str) -> str:
+    """Return the folder of a pattern above its camera, its frame, and what says dark or flat."""
+    above = re.split(r"[{*]", pattern)[0].rpartition("/")[0]
+    return "/".join(part for part in above.split("/") if not kind_of(PurePosixPath(part)))
 
 
 def _value(folder: Path, name: str, pattern: str, named: Named, rig: Rig) -> str:

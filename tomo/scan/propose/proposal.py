@@ -127,11 +127,13 @@ def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
     """
     folder, request = Path(folder), request or Request()
     contents = Contents.of(folder)
+    if request.pattern is None:
+        contents.check_light()
     rig, is_kept, said = _rig(contents, request)
     images = images_of(contents, rig, request.pattern, request.drop)
     check_sizes(rig, images)
     said["images"] = _about_images(images, rig)
-    corrections = _corrections(contents, rig, request, said)
+    corrections = _corrections(contents, rig, images, request, said)
     scan = _scan(folder, rig, images, corrections)
     if "bit_depth" not in corrections:
         corrections |= _bit_depth(scan, images, said)
@@ -228,7 +230,11 @@ def _about_images(images: CameraImages, rig: Rig) -> list[str]:
 
 
 def _corrections(
-    contents: Contents, rig: Rig, request: Request, said: dict[str, list[str]]
+    contents: Contents,
+    rig: Rig,
+    images: CameraImages,
+    request: Request,
+    said: dict[str, list[str]],
 ) -> dict[str, Any]:
     """Return the corrections as scan.yaml has them, and say how each was found."""
     found: dict[str, Any] = {}
@@ -237,7 +243,9 @@ def _corrections(
         if given == NONE:
             said[name] = ["left out, as asked"]
             continue
-        value = correction_of(contents, name, rig, request.drop) if given is None else given
+        value = given
+        if value is None:
+            value = correction_of(contents, name, rig, images.pattern, request.drop)
         if value is None:
             said[name] = ["none found"]
             continue

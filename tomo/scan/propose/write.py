@@ -46,7 +46,8 @@ def write_proposal(
         If one is there and ``force`` is not given.
     """
     pictures = pictures or {}
-    check_writable(proposal.folder, pictures, proposal.is_rig_kept, force=force)
+    others = pictures if proposal.is_rig_kept else (RIG_FILE, *pictures)
+    check_writable(proposal.folder, others, force=force)
     with whole_folder(proposal.folder, last=(SCAN_FILE,)) as staging:
         if not proposal.is_rig_kept:
             save_rig(proposal.scan.rig, staging / RIG_FILE)
@@ -59,9 +60,9 @@ def write_proposal(
     return proposal.folder / SCAN_FILE
 
 
-def check_writable(folder: Path, others: Iterable[str], is_rig_kept: bool, *, force: bool) -> None:
-    """Raise if a file that would be written is there, unless it may be overwritten."""
-    for name in (SCAN_FILE, *(() if is_rig_kept else (RIG_FILE,)), *others):
+def check_writable(folder: Path, others: Iterable[str] = (), *, force: bool) -> None:
+    """Raise if scan.yaml or one of some other files is there, unless it may be overwritten."""
+    for name in (SCAN_FILE, *others):
         if (folder / name).exists() and not force:
             raise FileExistsError(
                 f"{folder / name}: found a file, expected none; force=True overwrites it"
