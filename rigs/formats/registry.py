@@ -151,10 +151,12 @@ def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None
 
 
 def rigs_in(folder: str | os.PathLike) -> list[tuple[Path, str]]:
-    """Return what is a rig in a folder, and its format: the folder itself, else files in it."""
+    """Return the rigs in a folder and their formats: files, or the folder for several of one."""
     folder = Path(folder)
-    found = _format_of(folder, names())
-    return [(folder, found)] if found else _rig_files(folder, names())
+    form, files = _format_of(folder, names()), _rig_files(folder, names())
+    if form is None or sum(one == form for _, one in files) == 1:
+        return files
+    return [(folder, form), *((path, one) for path, one in files if one != form)]
 
 
 def _rig_files(folder: Path, choices: tuple[str, ...]) -> list[tuple[Path, str]]:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from rigs import Rig
+from rigs.files.inside import path_inside
 from rigs.recordings import find_images, image_size, is_film
 from rigs.recordings.layout import natural
 from rigs.recordings.naming import Named, patterns_of
@@ -85,6 +86,9 @@ def images_of(
     if len(whole) > 1 and len(usual) != 1:
         raise UndecidedError(folder, "images of all cameras", list(whole), "pattern")
     chosen = usual[0] if len(usual) == 1 else next(iter(whole))
+    for camera, own in whole[chosen].items():
+        for path in own.values():
+            path_inside(str(path), folder, f"{folder}: images: camera {camera}", "scan's")
     _refuse_strangers(contents, (*rig.names, *dropped), chosen)
     others = tuple(one for one in whole if one != chosen)
     films = _films(folder, chosen, whole[chosen])

@@ -112,9 +112,9 @@ def find_rig(folder: Path) -> tuple[Path, str, list[str]]:
         inside = (one for place in level for one in sorted(place.iterdir()) if _is_seen(one))
         level = [one for one in inside if one.is_dir() and not one.is_symlink()]
     names = [path.relative_to(folder).as_posix() for path, _ in found]
-    for name in (RIG_FILE, "transforms.json"):
-        if name in names:
-            return *found[names.index(name)], [one for one in names if one != name]
+    for name, form in ((RIG_FILE, "emission_rig"), ("transforms.json", "transforms")):
+        if (folder / name).is_file():
+            return folder / name, form, [one for one in names if one != name]
     if len(found) > 1:
         raise UndecidedError(folder, "rigs", names, "rig")
     if not found:

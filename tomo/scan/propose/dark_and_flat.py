@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 from rigs import Rig
+from rigs.files.inside import path_inside
 from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import FilmFrame
 from tomo.scan.mean_image import MeanImage, images_by_camera
@@ -79,6 +81,7 @@ def check_correction(folder: Path, name: str, value: Any, rig: Rig) -> dict[str,
     if isinstance(value, int | float):
         return dict.fromkeys(rig.names, 0)
     found = images_by_camera(name, folder / value, rig.names)
+    path_inside(value, folder, f"{folder}: {name}", "scan's")
     counts = {}
     for camera in rig:
         own = found[camera.name] if isinstance(found, dict) else found
@@ -96,13 +99,16 @@ def check_correction(folder: Path, name: str, value: Any, rig: Rig) -> dict[str,
 def _place(pattern: str) -> str:
     """Return the folder of a pattern above its camera, its frame, and what says dark or flat."""
     above = re.split(r"[{*]", pattern)[0].rpartition("/")[0]
-    return "/".join(part for part in above.split("/") if not kind_of(PurePosixPath(part)))
+    return "/".join(
+        part for part in PurePosixPath(above).parts if not kind_of(PurePosixPath(part))
+    )
 
 
 def _value(folder: Path, name: str, pattern: str, named: Named, rig: Rig) -> str:
     """Return the value that finds the frames of a pattern, and no others."""
     wanted = {camera: {folder / path for path in named[camera].values()} for camera in rig.names}
-    for value in _ways(pattern):
+    start = os.path.commonprefix([frame for own in named.values() for frame in own])
+    for value in _ways(pattern, start.rstrip("0123456789")):
         try:
             found = images_by_camera(name, folder / value, rig.names)
         except ValueError:
@@ -117,8 +123,11 @@ def _value(folder: Path, name: str, pattern: str, named: Named, rig: Rig) -> str
     )
 
 
-def _ways(pattern: str) -> Iterator[str]:
-    """Yield values of scan.yaml that could find the frames of a pattern, simple ones first."""
+def _ways(pattern: str, start: str) -> Iterator[str]:
+    """Yield values of scan.yaml that could find the frames of a pattern, simple ones first.
+
+    ``start`` is how the names of all frames begin.
+    """
     if FRAMES not in pattern and "*" not in pattern:
         yield pattern
     parts = PurePosixPath(pattern).parts
@@ -126,6 +135,7 @@ def _ways(pattern: str) -> Iterator[str]:
         if FRAMES not in "/".join(parts[:end]) and "*" not in "/".join(parts[:end]):
             yield "/".join(parts[:end])
     yield pattern.replace(FRAMES, "*")
+    yield pattern.replace(FRAMES, f"{start}*")
 
 
 def _files(found: object) -> set[Path]:
