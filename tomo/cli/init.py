@@ -182,15 +182,17 @@ def _renamed(texts: Sequence[str]) -> dict[str, str]:
 
 def _frames(name: str, text: str | None, folder: Path) -> Any:
     """Return the value of scan.yaml for an option: a path inside the folder, a level, or none."""
-    if text is None or text == "none" or "{camera}" in text or (folder / text).exists():
+    if text is None or text == "none" or "{camera}" in text:
         return text
-    value = value_of(name, text)
-    if not isinstance(value, str):
-        return value
-    path, inside = Path(text).resolve(), folder.resolve()
-    if not path.is_relative_to(inside):
+    path = folder / text
+    if not path.exists():
+        value = value_of(name, text)
+        if not isinstance(value, str):
+            return value
+        path = Path(text)
+    if not path.resolve().is_relative_to(folder.resolve()):
         raise ValueError(f"--{name}: found {text}, expected a folder or file inside {folder}")
-    return path.relative_to(inside).as_posix()
+    return path.resolve().relative_to(folder.resolve()).as_posix()
 
 
 def _grid(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path, PurePosixPath
@@ -10,6 +9,7 @@ from typing import Any
 
 from rigs import Rig
 from rigs.files.inside import path_inside
+from rigs.recordings.layout import common_start
 from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import FilmFrame
 from tomo.scan.mean_image import MeanImage, images_by_camera
@@ -107,7 +107,7 @@ def _place(pattern: str) -> str:
 def _value(folder: Path, name: str, pattern: str, named: Named, rig: Rig) -> str:
     """Return the value that finds the frames of a pattern, and no others."""
     wanted = {camera: {folder / path for path in named[camera].values()} for camera in rig.names}
-    start = os.path.commonprefix([frame for own in named.values() for frame in own])
+    start = common_start([frame for own in named.values() for frame in own])
     for value in _ways(pattern, start.rstrip("0123456789")):
         try:
             found = images_by_camera(name, folder / value, rig.names)
