@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from itertools import combinations
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,9 +12,6 @@ from numpy.typing import NDArray
 from rigs import CameraLike, Rig
 from tomo.draw.figures import INK, new_figure, plain, png_bytes
 from tomo.grid import VoxelGrid
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
 
 
 def contact_sheet(
@@ -36,34 +32,35 @@ def contact_sheet(
     columns = min(len(cameras), max(1, round(math.sqrt(1.5 * tall * len(cameras)))))
     rows = -(-len(cameras) // columns)
     columns = -(-len(cameras) // rows)
-    figure = new_figure(10.0, rows * (10.0 / columns * tall + 0.25) + 0.5, dpi=110)
-    figure.suptitle(plain(title), fontsize=10, color=INK)
-    for number, camera in enumerate(cameras, 1):
-        axes = figure.add_subplot(rows, columns, number)
-        image = images[camera.name]
-        w, h = camera.image_size
-        extent = (-0.5, w - 0.5, h - 0.5, -0.5)
-        axes.imshow(
-            image, cmap="inferno", vmin=0, vmax=255, extent=extent, interpolation="nearest"
-        )
-        _draw_box(axes, camera, grid)
-        axes.set_xlim(extent[:2])
-        axes.set_ylim(extent[2:])
-        axes.set_axis_off()
-        axes.set_title(plain(camera.name), fontsize=8, color=INK, pad=3)
-    figure.tight_layout(pad=0.4, rect=(0, 0, 1, 1 - 0.15 / figure.get_figheight()))
+    high = tall + 0.026 * columns  # of a cell, its width being 1: the picture and the name above
+    figure = new_figure(10.0, 10.0 / columns * rows * high + 0.35, dpi=110)
+    figure.suptitle(plain(title), fontsize=10, color=INK, y=1 - 0.12 / figure.get_figheight())
+    axes = figure.add_axes((0, 0, 1, 1 - 0.35 / figure.get_figheight()))
+    for number, camera in enumerate(cameras):
+        row, column = divmod(number, columns)
+        width, height = camera.image_size
+        pixel = 0.98 * min(1 / width, tall / height)
+        left, top = column + 0.5 - pixel * width / 2, (row + 1) * high - pixel * height
+        extent = (left, left + pixel * width, top + pixel * height, top)
+        axes.imshow(images[camera.name], cmap="inferno", vmin=0, vmax=255, extent=extent)
+        for edge in _edges(camera, grid):
+            axes.plot(*((edge + 0.5) * pixel + (left, top)).T, color="#7fd4ff", linewidth=0.8)
+        axes.text(column + 0.5, top, plain(camera.name), fontsize=8, color=INK, ha="center",
+                  va="bottom")  # fmt: skip
+    axes.set_xlim(0, columns)
+    axes.set_ylim(rows * high, 0)
+    axes.set_axis_off()
     return png_bytes(figure)
 
 
-def _draw_box(axes: Axes, camera: CameraLike, grid: VoxelGrid) -> None:
-    """Draw the edges of a grid's box where a camera sees them."""
+def _edges(camera: CameraLike, grid: VoxelGrid) -> Iterator[NDArray[np.float64]]:
+    """Yield the pixels (points, 2) of each edge of a grid's box; NaN where they are not seen."""
     ends = np.array([grid.lower, grid.upper])
     corners = np.array([[i, j, k] for i in (0, 1) for j in (0, 1) for k in (0, 1)])
-    along = np.linspace(0.0, 1.0, 33)[:, None]
+    along = np.linspace(0.0, 1.0, 200)[:, None]
     for one, other in combinations(corners, 2):
-        if np.abs(one - other).sum() != 1:
-            continue
-        start, end = (ends[corner, range(3)] for corner in (one, other))
-        uv, _, valid = camera.project(start + along * (end - start))
-        uv[~valid] = np.nan
-        axes.plot(*uv.T, color="#7fd4ff", linewidth=0.8)
+        if np.abs(one - other).sum() == 1:
+            start, end = (ends[corner, range(3)] for corner in (one, other))
+            uv, _, valid = camera.project(start + along * (end - start))
+            uv[~valid | ~camera.inside(uv)] = np.nan
+            yield uv

@@ -12,8 +12,10 @@ import numpy as np
 from rigs import Rig, formats, load, preset_names
 from rigs.changes import with_cameras
 from rigs.files.units import UNKNOWN
+from rigs.recordings import read_still
 from rigs.recordings.naming import patterns_of
 from tomo.grid import VoxelGrid, grid_of_rig
+from tomo.measurement.stored_bits import stored_bits
 from tomo.scan.films import frame_rate_of, notes_of_films
 from tomo.scan.propose.box import Box, box_of_light, grid_in
 from tomo.scan.propose.camera_images import (
@@ -134,10 +136,9 @@ def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
     check_sizes(rig, images)
     said["images"] = _about_images(images, rig)
     corrections = _corrections(contents, rig, images, request, said)
-    scan = _scan(folder, rig, images, corrections)
     if "bit_depth" not in corrections:
-        corrections |= _bit_depth(scan, images, said)
-        scan = _scan(folder, rig, images, corrections)
+        corrections |= _bit_depth(images, said)
+    scan = _scan(folder, rig, images, corrections)
     grid, scale, said["grid"] = _grid(scan, images, request)
     return Proposal(folder, replace(scan, grid=grid), images, corrections, is_kept, said, scale)
 
@@ -285,17 +286,17 @@ def _looked_at(images: CameraImages) -> list[str]:
     return list(dict.fromkeys(frame.name for frame in images.moments))
 
 
-def _bit_depth(scan: Scan, images: CameraImages, said: dict[str, list[str]]) -> dict[str, Any]:
+def _bit_depth(images: CameraImages, said: dict[str, list[str]]) -> dict[str, Any]:
     """Return the bits that the numbers of 16-bit images show, where all cameras agree."""
-    if images.films:
-        return {}
-    for frame in _looked_at(images):
-        bits = scan.read_with_faults(frame)[4].values()
-        found = {one.bits for one in bits if one is not None and one.bits and not one.shift}
+    for frame in images.moments:
+        paths = [image for image in frame.images.values() if isinstance(image, Path)]
+        pixels = [read_still(path).pixels for path in paths]
+        bits = [stored_bits(one) for one in pixels if one.dtype == np.uint16 and one.ndim == 2]
+        found = {one.bits for one in bits if one.bits and not one.shift}
         if len(found) == 1:
             (depth,) = found
             said["bit_depth"] = [
-                f"assumed: cameras of {depth} bits, as pixels of frame {frame} end at exactly "
+                f"assumed: cameras of {depth} bits, as pixels of frame {frame.name} end exactly at "
                 f"{2**depth - 1}"
             ]
             return {"bit_depth": depth}
