@@ -296,7 +296,7 @@ def _bit_depth(images: CameraImages, said: dict[str, list[str]]) -> dict[str, An
         if len(found) == 1:
             (depth,) = found
             said["bit_depth"] = [
-                f"assumed: cameras of {depth} bits, as pixels of frame {frame.name} end exactly at "
+                f"assumed: cameras of {depth} bits, as pixels of frame {frame.name} end at just "
                 f"{2**depth - 1}"
             ]
             return {"bit_depth": depth}
