@@ -5,7 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "proposal": ["Proposal", "Request", "propose_scan"],
+        "proposal": ["Proposal", "propose_scan"],
+        "request": ["Request"],
         "undecided": ["UndecidedError"],
         "write": ["WRITTEN", "write_proposal"],
     },

@@ -127,11 +127,13 @@ def _reach(rig: Rig, point: NDArray[np.float64]) -> float:
         ends = [[(width - 1) / 2, (height - 1) / 2], [0, 0], [width - 1, 0]]
         ends += [[0, height - 1], [width - 1, height - 1]]
         origins, directions = camera.rays(np.array(ends, np.float64))
-        distance = float(np.linalg.norm(origins[0] - point))
         cosines = directions[1:] @ directions[0]
-        angle = float(np.arccos(np.clip(np.nanmin(cosines), 0.0, 1.0)))
-        reaches.append(distance * math.tan(min(angle, math.pi / 4)))
-        distances.append(distance)
+        if np.isfinite(cosines).any():  # tables of rays may end inside the image
+            distances.append(float(np.linalg.norm(origins[0] - point)))
+            angle = float(np.arccos(np.clip(np.nanmin(cosines), 0.0, 1.0)))
+            reaches.append(distances[-1] * math.tan(min(angle, math.pi / 4)))
+    if not reaches:
+        return float(min(np.linalg.norm(camera.position - point) for camera in rig)) / 2
     return min(max(reaches), min(distances) / 2)
 
 

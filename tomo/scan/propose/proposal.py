@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from rigs import Rig, formats, load, preset_names
-from rigs.changes import with_cameras
-from rigs.files.units import UNKNOWN
+from rigs import Rig
 from rigs.recordings import read_still
-from rigs.recordings.naming import patterns_of
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.measurement.stored_bits import stored_bits
 from tomo.scan.films import frame_rate_of, notes_of_films
@@ -22,57 +19,12 @@ from tomo.scan.propose.camera_images import (
     CameraImages,
     check_sizes,
     images_of,
-    renamed_as_images,
-    sizes_of,
 )
-from tomo.scan.propose.contents import KINDS, RIG_FILE, Contents, find_rig
+from tomo.scan.propose.contents import KINDS, Contents
 from tomo.scan.propose.dark_and_flat import check_correction, correction_of
+from tomo.scan.propose.found_rig import rig_of
+from tomo.scan.propose.request import NONE, Request
 from tomo.scan.scan import Scan
-
-NONE = "none"
-"""As dark or flat: such frames are left out."""
-
-
-@dataclass(frozen=True)
-class Request:
-    """What a user says of a folder; the rest is found in it.
-
-    Attributes
-    ----------
-    rig : str, optional
-        A rig, in the folder or elsewhere: what `rigs.load` takes.
-    pattern : str, optional
-        How images are named, relative to the folder.
-    dark, flat : str or float, optional
-        The value of scan.yaml, or ``none``.
-    channel, bayer : str, optional
-    bit_depth : int, optional
-    rename : mapping
-        New names of cameras, by those of the rig.
-    drop : tuple of str
-        Cameras to leave out.
-    length_unit : str, optional
-        The rig's, as `rigs.load` takes it.
-    grid : VoxelGrid, optional
-    box : (lower, upper), optional
-        Its corners, where only the voxels are to be proposed.
-    voxel : float, optional
-        Its edge, where only the box is to be proposed.
-    """
-
-    rig: str | None = None
-    pattern: str | None = None
-    dark: str | float | None = None
-    flat: str | float | None = None
-    channel: str | None = None
-    bayer: str | None = None
-    bit_depth: int | None = None
-    rename: Mapping[str, str] = field(default_factory=dict)
-    drop: tuple[str, ...] = ()
-    length_unit: str | None = None
-    grid: VoxelGrid | None = None
-    box: tuple[tuple[float, ...], tuple[float, ...]] | None = None
-    voxel: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +83,7 @@ def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
     contents = Contents.of(folder)
     if request.pattern is None:
         contents.check_light()
-    rig, is_kept, said = _rig(contents, request)
+    rig, is_kept, said = rig_of(contents, request)
     images = images_of(contents, rig, request.pattern, request.drop)
     check_sizes(rig, images)
     said["images"] = _about_images(images, rig)
@@ -141,65 +93,6 @@ def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
     scan = _scan(folder, rig, images, corrections)
     grid, scale, said["grid"] = _grid(scan, images, request)
     return Proposal(folder, replace(scan, grid=grid), images, corrections, is_kept, said, scale)
-
-
-def _rig(contents: Contents, request: Request) -> tuple[Rig, bool, dict[str, list[str]]]:
-    """Return the rig, whether it is the folder's rig.yaml as it is, and what to say of it."""
-    folder = contents.folder
-    named = request.rig
-    others: list[str] = []
-    if named is None:
-        path, form, others = find_rig(folder)
-    else:
-        path = next((p for p in (folder / named, Path(named)) if p.exists()), Path(named))
-        form = "preset" if not path.exists() and named in preset_names() else ""
-    rig = _loaded(contents, path, form, request.length_unit)
-    form = form or formats.sniff(path)
-    is_kept = path == folder / RIG_FILE and request.length_unit is None
-    inside = path.relative_to(folder) if path.is_relative_to(folder) else path
-    where = "the folder itself" if path == folder else inside
-    how = "named" if named is not None else "found"
-    said = [f"{len(rig)} cameras from {where} ({form}), {how}"]
-    if others:
-        said.append(f"not used: {', '.join(others)}; --rig takes one of them")
-    if rig.length_unit == UNKNOWN:
-        said.append(
-            "assumed: lengths in one unknown unit, as the file names none: --length-unit says it"
-        )
-    names = {name: name for name in rig.names if name not in request.drop}
-    for name in (*request.rename, *request.drop):
-        if name in request.rename or not patterns_of(contents.light, [name]):
-            rig[name]  # raises where there is none
-    names |= {old: new for old, new in request.rename.items() if old in names}
-    if list(names) != list(rig.names) or list(names.values()) != list(rig.names):
-        gone = [name for name in rig.names if name not in names]
-        rig, is_kept = with_cameras(rig, names), False
-        said += [f"cameras left out, as asked: {', '.join(gone)}"] if gone else []
-    alike = renamed_as_images(contents, rig) if request.pattern is None else {}
-    if alike:
-        rig, is_kept = with_cameras(rig, alike), False
-        each = ", ".join(f"{old} is {new}" for old, new in alike.items())
-        said.append(
-            f"assumed: names of cameras that differ in writing alone mean the same: {each}"
-        )
-    if not len(rig):
-        raise ValueError(f"{path}: cameras: found none, expected at least one")
-    if any(camera.status == "nominal" for camera in rig):
-        said.append("nominal: no calibration; errors of several pixels are expected")
-    return rig, is_kept, {"rig": said}
-
-
-def _loaded(contents: Contents, path: Path, form: str, unit: str | None) -> Rig:
-    """Return the rig of a file; one without image sizes has that of the images if it is one."""
-    try:
-        return load(path, length_unit=unit)
-    except ValueError as error:
-        if ": image_size: missing" not in str(error):
-            raise
-        sizes = sizes_of(contents.folder / one for one in contents.light)
-        if len(sizes) != 1:
-            raise
-        return load(path, length_unit=unit, image_size=next(iter(sizes)))
 
 
 def _about_images(images: CameraImages, rig: Rig) -> list[str]:
@@ -327,8 +220,9 @@ def _grid(scan: Scan, images: CameraImages, request: Request) -> tuple[VoxelGrid
     else:
         said.append(f"voxels of {grid.spacing[0]:g} {unit}, named")
     if box.cut:
+        who = "all cameras" if len(box.cut) == len(scan.rig) else ", ".join(box.cut)
         said.append(
-            f"light reaches the edges of the images of {', '.join(box.cut)}: what they do not see "
+            f"light reaches the edges of the images of {who}: what they do not see "
             "of it is not in the box, so look at the pictures"
         )
     return grid, scale, said

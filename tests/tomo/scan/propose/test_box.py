@@ -1,8 +1,11 @@
 """The box that images ask for holds the light, and little more; where it cannot, that is said."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from rigs import RayTable
 from tomo import Scan
 from tomo.scan.propose import box as box_module
 from tomo.scan.propose.box import box_of_light, grid_in
@@ -48,6 +51,16 @@ def test_all_frames_that_are_looked_at_are_in_the_box(scene):
     )
     np.testing.assert_array_equal(all_of_them.lower, np.minimum(one.lower, other.lower))
     np.testing.assert_array_equal(all_of_them.upper, np.maximum(one.upper, other.upper))
+
+
+def test_tables_of_rays_look_as_their_cameras_do(scene):
+    tables = replace(scene.rig, cameras=tuple(RayTable.of(camera) for camera in scene.rig))
+    found, known = (
+        box_of_light(Scan.from_arrays(rig, scene.images), ["frame_000"])
+        for rig in (tables, scene.rig)
+    )
+    np.testing.assert_allclose(found.lower, known.lower, atol=0.8)
+    np.testing.assert_allclose(found.upper, known.upper, atol=0.8)
 
 
 def test_dark_images_leave_what_the_cameras_see(scene):
