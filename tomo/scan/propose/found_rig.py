@@ -70,5 +70,5 @@ def _loaded(contents: Contents, path: Path, unit: str | None, said: list[str]) -
         sizes = list(sizes_of(contents.folder / one for one in contents.light))
         if len(sizes) != 1:
             raise
-        said.append(f"assumed: image sizes, of which the file has none, are those of images")
+        said.append("assumed: image sizes, of which the file has none, are those of images")
         return load(path, length_unit=unit, image_size=sizes[0])
