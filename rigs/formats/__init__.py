@@ -12,6 +12,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "blender",
         "bop",
         "bundler",
+        "camera_table",
         "colmap",
         "dlt",
         "dlt_bottom",
@@ -44,5 +45,5 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "rtk",
         "transforms",
     ],
-    submod_attrs={"registry": ["FORMATS", "load", "names", "save", "sniff"]},
+    submod_attrs={"registry": ["FORMATS", "load", "names", "rigs_in", "save", "sniff"]},
 )

@@ -23,6 +23,7 @@ FIELDS = {
     "euroc": "T_BS camera_model intrinsics distortion_model resolution",
     "basalt": "T_imu_cam camera_type intrinsics resolution",
     "open3d": "class_name extrinsic intrinsic intrinsic_matrix",
+    "camera_table": "name x y z look_x look_y look_z",
     "realitycapture": "name x y alt heading pitch roll f",
     "pix4d": "fileName imageWidth imageHeight camera matrix K radial",
     "nerfstudio": "camera_path camera_to_world fov render_width render_height",

@@ -71,6 +71,7 @@ FORMATS: dict[str, Format] = {
         Format("euroc", "EuRoC's cam*/sensor.yaml"),
         Format("basalt", "Basalt's calibration.json"),
         Format("open3d", "Open3D's pinhole cameras as JSON"),
+        Format("camera_table", "a table (CSV): where cameras stand and look"),
         Format("realitycapture", "RealityCapture's camera parameters, .csv"),
         Format("pix4d", "Pix4D's *_calibrated_camera_parameters.txt"),
         Format("nerfstudio", "nerfstudio's camera_path.json"),
@@ -142,17 +143,31 @@ def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None
     found = _format_of(path, choices)
     if found or not path.is_dir():
         return (path, found) if found else None
-    files = [
-        file
-        for file in sorted(path.iterdir())
-        if file.is_file() and file.suffix.lower() not in IMAGE_SUFFIXES
-    ]
-    # a rig's folder has few files; to look into thousands, a frame each, would take seconds
-    known = [(file, name) for file in files[:100] if (name := _format_of(file, choices))]
+    known = _rig_files(path, choices)
     if len(known) > 1:
         listed = ", ".join(f"{file.name} ({name})" for file, name in known[:6])
         raise ValueError(f"{path}: found {len(known)} rigs, {listed}, expected one of them as IN")
     return known[0] if known else None
+
+
+def rigs_in(folder: str | os.PathLike) -> list[tuple[Path, str]]:
+    """Return the rigs in a folder and their formats: files, or the folder for several of one."""
+    folder = Path(folder)
+    form, files = _format_of(folder, names()), _rig_files(folder, names())
+    if form is None or sum(one == form for _, one in files) == 1:
+        return files
+    return [(folder, form), *((path, one) for path, one in files if one != form)]
+
+
+def _rig_files(folder: Path, choices: tuple[str, ...]) -> list[tuple[Path, str]]:
+    """Return the files of a folder that are rigs, and their formats."""
+    files = [
+        file
+        for file in sorted(folder.iterdir())
+        if file.is_file() and file.suffix.lower() not in IMAGE_SUFFIXES
+    ]
+    # a rig's folder has few files; to look into thousands, a frame each, would take seconds
+    return [(file, name) for file in files[:100] if (name := _format_of(file, choices))]
 
 
 def _format_of(path: Path, choices: tuple[str, ...]) -> str | None:

@@ -122,8 +122,8 @@ def _to_word(text: str) -> str:
 
 def _pattern_between(paths: Sequence[str]) -> str | None:
     """Return the pattern of paths that differ in one word; None where numbers differ too."""
-    start = _to_word(_common_start(paths))
-    backwards = _common_start([path[::-1] for path in paths])
+    start = _to_word(common_start(paths))
+    backwards = common_start([path[::-1] for path in paths])
     end = _to_word(backwards)[::-1]
     words = {path[len(start) : len(path) - len(end)] for path in paths}
     if len(words) < 2 or any(re.search(r"\d|/", word) or not word for word in words):
@@ -131,7 +131,8 @@ def _pattern_between(paths: Sequence[str]) -> str | None:
     return f"{start}{{camera}}{end}"
 
 
-def _common_start(texts: Sequence[str]) -> str:
+def common_start(texts: Sequence[str]) -> str:
+    """Return the letters that all texts begin with."""
     alike = takewhile(lambda letters: len(set(letters)) == 1, zip(*texts, strict=False))
     return "".join(letters[0] for letters in alike)
 
@@ -201,7 +202,7 @@ def _numbered(paths: Sequence[Path]) -> Iterable[tuple[str, str, Path]]:
     if len(split) < len(matches):
         return
     before = {match[1].rstrip(_BETWEEN) for match in split}
-    end = _common_start([name[::-1] for name in before])[::-1] if len(before) > 1 else ""
+    end = common_start([name[::-1] for name in before])[::-1] if len(before) > 1 else ""
     found = re.search(r"[_\-. ].*|$", end)
     words = found[0] if found else ""
     for path, match in zip(paths, split, strict=True):

@@ -80,13 +80,14 @@ def image_size(path: str | os.PathLike) -> tuple[int, int]:
     """
     path = Path(path)
     check_plain_file(path)
-    content = path.read_bytes()
-    with errors_of_libraries(f"{path}: not a readable image"):
-        if is_netpbm(content):
-            return netpbm_size(content)
-        if not content.startswith(TIFF_MARKS):
-            return header_of(content).size
-        with tiff_page(content) as page:
+    with path.open("rb") as file, errors_of_libraries(f"{path}: not a readable image"):
+        head = file.read(2)
+        file.seek(0)
+        if is_netpbm(head):
+            return netpbm_size(file.read())
+        if head not in TIFF_MARKS:
+            return header_of(file if head else b"").size
+        with tiff_page(file) as page:
             return page.imagewidth, page.imagelength
 
 

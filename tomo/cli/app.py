@@ -15,6 +15,7 @@ from tomo.cli.usage import UsageError, command_line
 VERBS = {
     "demo": "Simulate a turbulent flame, reconstruct it, and write the report.",
     "simulate": "Simulate the images that a rig's cameras take of a phantom.",
+    "init": "Write scan.yaml and rig.yaml for the images in a folder.",
     "reconstruct": "Reconstruct the emission in every voxel from a scan's images.",
     "hull": "Find the voxels of an opaque thing that no silhouette excludes.",
     "export": "Write the frames of a store for other programs, or their statistics.",

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import glob
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -58,7 +60,8 @@ def images_by_camera(name: str, value: Any, cameras: Sequence[str]) -> Any:
     value : object
         One for all cameras, or a mapping from camera. The path of a folder stands for its images:
         those of each camera, by the names of `find_images`, or all where it is one camera's.
-        ``{camera}`` in a path stands for the camera's name. Other values are returned as they are.
+        ``{camera}`` in a path stands for the camera's name, and ``*`` in a file's name for any
+        text. Other values are returned as they are.
     cameras : sequence of str
 
     Raises
@@ -70,8 +73,8 @@ def images_by_camera(name: str, value: Any, cameras: Sequence[str]) -> Any:
         value = {camera: Path(str(value).replace(CAMERA, camera)) for camera in cameras}
     if isinstance(value, Mapping):
         return {
-            camera: _one(name, camera, tuple(images_in(one)), one)
-            if isinstance(one, Path) and one.is_dir()
+            camera: _one(name, camera, tuple(_images_of(one)), one)
+            if isinstance(one, Path) and (one.is_dir() or "*" in one.name)
             else one
             for camera, one in value.items()
         }
@@ -82,6 +85,14 @@ def images_by_camera(name: str, value: Any, cameras: Sequence[str]) -> Any:
     if missing and (name != "mask" or not found):
         raise _no_image(name, missing[0], value, f"{missing[0]}.tif or {missing[0]}/*.tif in it")
     return {camera: _one(name, camera, images, value) for camera, images in found.items()}
+
+
+def _images_of(place: Path) -> list[Path]:
+    """Return the images in a folder, or those whose names a pattern with ``*`` fits."""
+    if place.is_dir():
+        return images_in(place)
+    fits = glob.escape(place.name).replace("[*]", "*")
+    return [path for path in images_in(place.parent) if fnmatchcase(path.name, fits)]
 
 
 def _in_folder(

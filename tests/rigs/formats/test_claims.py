@@ -152,6 +152,8 @@ SAMPLES = {
     "euroc": [{"cam0/sensor.yaml": EUROC}],
     "basalt": [{"calibration.json": json.dumps(BASALT)}],
     "open3d": [{"camera.json": json.dumps(OPEN3D)}],
+    "camera_table": [{"a.csv": "name,x,y,z,look_x,look_y,look_z,focal_mm,pitch_um\n"},
+                     {"a.tsv": "camera\tx [mm]\ty [mm]\tz [mm]\n"}],
     "realitycapture": [{"a.csv": "#name,x,y,alt,heading,pitch,roll,f\na.png,1,2,3,4,5,6,20\n"}],
     "pix4d": [{"a_calibrated_camera_parameters.txt": PIX4D}],
     "nerfstudio": [{"camera_path.json": json.dumps(NERFSTUDIO)},

@@ -1,0 +1,151 @@
+"""What lies in a folder: images of light, dark and flat frames by their names, and rigs."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from rigs.formats import rigs_in
+from rigs.recordings import CONTAINER_SUFFIXES, FILM_SUFFIXES, IMAGE_SUFFIXES, is_film
+from rigs.recordings.layout import natural
+from tomo.scan.propose.undecided import UndecidedError
+from tomo.scan.write import SCAN_FILE
+
+RIG_FILE, THUMBNAILS = "rig.yaml", "thumbnails.png"
+"""Beside scan.yaml, what is written into the folder; the second is no image of a camera."""
+
+KINDS = {"dark": ("dark", "background"), "flat": ("flat",)}
+"""Corrections, and how words in the names of their images' files or folders begin."""
+
+_RESULTS = ("report.json", "volume.npz")  # a folder that has one was written by a command
+
+
+@dataclass(frozen=True)
+class Contents:
+    """The images in a folder, by what their names say that they show.
+
+    Attributes
+    ----------
+    folder : Path
+    light : tuple of PurePosixPath
+        Images and films of emission, relative to the folder.
+    dark, flat : tuple of PurePosixPath
+        Those without light or with background light, and those of even light.
+    """
+
+    folder: Path
+    light: tuple[PurePosixPath, ...]
+    dark: tuple[PurePosixPath, ...]
+    flat: tuple[PurePosixPath, ...]
+
+    @classmethod
+    def of(cls, folder: Path) -> Contents:
+        """Look into a folder and the folders in it.
+
+        Hidden files, and folders that commands wrote results into, are passed over.
+
+        Raises
+        ------
+        FileNotFoundError, NotADirectoryError
+            If there is no such folder.
+        """
+        if not folder.is_dir():
+            kind = NotADirectoryError if folder.exists() else FileNotFoundError
+            raise kind(f"{folder}: found no such folder, expected one with images")
+        found: dict[str, list[PurePosixPath]] = {"": [], **{kind: [] for kind in KINDS}}
+        for path in sorted(_images(folder), key=lambda path: natural(path.as_posix())):
+            found[kind_of(path)].append(path)
+        return cls(folder, tuple(found[""]), tuple(found["dark"]), tuple(found["flat"]))
+
+    def check_light(self) -> None:
+        """Raise if there is no image of emission."""
+        if self.light:
+            return
+        taken = next(
+            (
+                f"; {len(own)} are taken for {kind} frames by their names, like {own[0]}: "
+                "pattern='FOLDER/{camera}/{frame}.tif' says otherwise"
+                for kind, own in (("dark", self.dark), ("flat", self.flat))
+                if own
+            ),
+            "",
+        )
+        raise ValueError(
+            f"{self.folder}: images: found none, expected files that end in "
+            f"{', '.join(IMAGE_SUFFIXES)}, or films{taken}"
+        )
+
+
+def kind_of(path: PurePosixPath) -> str:
+    """Return the correction that an image is for by its name or a folder's, or nothing.
+
+    >>> kind_of(PurePosixPath("left/dark_frames/01.tif")), kind_of(PurePosixPath("darker/01.tif"))
+    ('dark', '')
+    """
+    text = path.with_suffix("").as_posix().lower()
+    for kind, words in KINDS.items():
+        if re.search(rf"(?<![a-z])({'|'.join(words)})(s|frames?|fields?)?(?![a-z])", text):
+            return kind
+    return ""
+
+
+def find_rig(folder: Path) -> tuple[Path, str, list[str]]:
+    """Return the only rig in a folder, or else in the folders in it, and so on; and its format.
+
+    A ``rig.yaml`` comes before others, then a ``transforms.json``, the files that make a folder a
+    rig for every command; the names of the others are returned too.
+
+    Raises
+    ------
+    UndecidedError
+        If there are several.
+    FileNotFoundError
+        If there is none.
+    """
+    level: list[Path] = [folder]
+    found: list[tuple[Path, str]] = []
+    while level and not found:
+        found = [rig for one in level for rig in _rigs_in(one)]
+        inside = (one for place in level for one in sorted(place.iterdir()) if _is_seen(one))
+        level = [one for one in inside if one.is_dir() and not one.is_symlink()]
+    names = [path.relative_to(folder).as_posix() for path, _ in found]
+    for name, form in ((RIG_FILE, "emission_rig"), ("transforms.json", "transforms")):
+        if (folder / name).is_file():
+            return folder / name, form, [one for one in names if one != name]
+    if len(found) > 1:
+        raise UndecidedError(folder, "rigs", names, "rig")
+    if not found:
+        raise FileNotFoundError(
+            f"{folder}: rig: found none, expected a rig.yaml, a file of a calibration, or a table "
+            "cameras.csv with the head name,x_mm,y_mm,z_mm,look_x_mm,look_y_mm,look_z_mm,"
+            "focal_mm,pitch_um; rig='FILE' names one elsewhere, calibrate-rig makes one of images"
+        )
+    return *found[0], []
+
+
+def _rigs_in(folder: Path) -> list[tuple[Path, str]]:
+    return [(path, form) for path, form in rigs_in(folder) if path.name != SCAN_FILE]
+
+
+def _images(folder: Path) -> Iterator[PurePosixPath]:
+    """Yield the images and films in a folder."""
+    suffixes = {*IMAGE_SUFFIXES, *FILM_SUFFIXES, *CONTAINER_SUFFIXES}
+    for place, folders, files in os.walk(folder):
+        at = Path(place)
+        if at != folder and any(name in files for name in _RESULTS):
+            folders.clear()
+            continue
+        inside = [at / name for name in folders if _is_seen(at / name)]
+        films = [one for one in inside if is_film(one)]
+        folders[:] = sorted(one.name for one in inside if one not in films)
+        named = [at / name for name in files if Path(name).suffix.lower() in suffixes]
+        for path in [*films, *named]:
+            if _is_seen(path) and path != folder / THUMBNAILS:
+                yield PurePosixPath(path.relative_to(folder).as_posix())
+
+
+def _is_seen(path: Path) -> bool:
+    return not path.name.startswith(".")

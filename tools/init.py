@@ -1,0 +1,6 @@
+"""The same as ``flametomo init``."""
+
+from tomo.cli import main
+
+if __name__ == "__main__":
+    main("init")
