@@ -22,7 +22,8 @@ product and a sum to one rounding: the device then has to compute the bits of th
 
 Modules: `kernels` (the text), `device` (CuPy), `device_operator` (what both forms share),
 `projector` (lengths computed at every product), `matrix` (stored entries), `composition` (blurs of
-images, the linear basis), `probe` (`on_device`).
+images, the linear basis), `probe` (`on_device`), `names` and
+`wanted` (the device that an option names).
 """
 
 import lazy_loader
@@ -33,7 +34,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "composition": ["DeviceComposed", "DeviceLinear"],
         "device": ["CudaDevice", "Device", "DeviceError"],
         "matrix": ["DeviceMatrix"],
-        "probe": ["on_device"],
+        "probe": ["on_device", "to_device"],
         "projector": ["DeviceProjector"],
+        "wanted": ["device_for", "on_cpu", "taken_to"],
     },
 )

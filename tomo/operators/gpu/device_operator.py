@@ -34,6 +34,11 @@ class DeviceOperator(ProjectionOperator):
     def adjoint(self, y: Any) -> Any:
         """Return the unknowns ``(unknowns, columns)`` of images ``(pixels, columns)``."""
 
+    @property
+    @abstractmethod
+    def on_cpu(self) -> ProjectionOperator:
+        """The operator of the CPU that was taken to the device."""
+
     def takes(self, values: Any) -> bool:
         """Return whether an argument is another library's array on the device: it stays there."""
         is_numpy = isinstance(values, np.ndarray | np.generic)

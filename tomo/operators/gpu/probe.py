@@ -50,15 +50,24 @@ def on_device(
     """
     try:
         device = CudaDevice() if device is None else device
-        if too_large := _too_large(operator, device):
-            return operator, too_large
-        moved = _moved(operator, device)
-        found = difference(operator, moved)
+        moved = to_device(operator, device)
+        if found := difference(operator, moved):
+            raise DeviceError(f"GPU: {device.name}: {found}")
     except DeviceError as error:
         return operator, f"{error}: computed on the CPU"
-    if found:
-        return operator, f"GPU: {device.name}: {found}: computed on the CPU"
     return moved, f"computed on {device.name}"
+
+
+def to_device(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
+    """Return the same operator on a device, without a comparison.
+
+    Raises
+    ------
+    DeviceError
+        If it does not fit, has no kind of its own there, or the device fails.
+    """
+    _check_size(operator, device)
+    return _moved(operator, device)
 
 
 def difference(operator: ProjectionOperator, moved: ProjectionOperator) -> str:
@@ -111,20 +120,19 @@ def _moved(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
     return changed
 
 
-def _too_large(operator: ProjectionOperator, device: Device) -> str:
-    """Return why an operator does not fit on a device; nothing where it does."""
+def _check_size(operator: ProjectionOperator, device: Device) -> None:
+    """Refuse an operator that does not fit on a device, before anything is copied."""
     voxels = operator.grid.size
     if voxels > MOST_VOXELS:
-        return f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}: computed on the CPU"
+        raise DeviceError(f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}")
     fixed, each = _bytes_needed(operator)
     free = device.free_bytes()
-    if fixed + each * voxels <= free:
-        return ""
-    room = max(free - fixed, 0) // each
-    return (
-        f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and {free / 1e9:.2f} "
-        f"GB free; {room} voxels would fit, found {voxels}: computed on the CPU"
-    )
+    if fixed + each * voxels > free:
+        room = max(free - fixed, 0) // each
+        raise DeviceError(
+            f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and "
+            f"{free / 1e9:.2f} GB free; {room} voxels would fit, found {voxels}"
+        )
 
 
 def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:

@@ -5,17 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from tomo.grid import VoxelGrid
 from tomo.operators.absorption import Absorption, depth_around, extinction_on_grid
+from tomo.operators.composition import Change
 from tomo.operators.gpu.device import NOTHING, Device
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.kernels import TOGETHER, together
-from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
 
 BITS = 62
@@ -44,6 +45,8 @@ class DeviceRays:
     gas : tuple
         Medium, extinction, depth outside the grid and ``is_first``, as the kernels take them;
         empty where nothing absorbs.
+    absorption : tuple
+        The absorption and the emission that ``gas`` was made of; empty where nothing absorbs.
     """
 
     rays: Any
@@ -53,6 +56,7 @@ class DeviceRays:
     active: Any
     most: float
     gas: tuple[Any, ...] = ()
+    absorption: tuple[Any, ...] = ()
 
 
 class DeviceProjector(DeviceOperator):
@@ -157,9 +161,29 @@ class DeviceProjector(DeviceOperator):
         return self.flying.n_segments
 
     @property
+    def on_cpu(self) -> OnTheFlyProjector | AttenuatedProjector:
+        """The operator of the same rays on the CPU."""
+        if not self._shared.absorption:
+            return self.flying
+        return AttenuatedProjector(self.flying, *self._shared.absorption)
+
+    def with_rays(self, change: Change) -> DeviceProjector:
+        """Return the operator of other rays: ``change`` takes and returns those of the CPU.
+
+        It is given the rays through transparent gas. Where it returns the same ones, through gas
+        or not, those on the device serve.
+        """
+        found = change(self.flying)
+        if isinstance(found, AttenuatedProjector) and found.rays is self.flying:
+            return self.with_absorption(found.absorption, found.emission)
+        if found is self.flying:
+            return self.without_absorption
+        return DeviceProjector(cast("OnTheFlyProjector", found), self.device)
+
+    @property
     def without_absorption(self) -> DeviceProjector:
         """The operator of the same rays through transparent gas."""
-        shared = replace(self._shared, gas=())
+        shared = replace(self._shared, gas=(), absorption=())
         return self._of(self.flying, self.device, shared, self._starts, self._stops)
 
     def with_absorption(
@@ -188,7 +212,7 @@ class DeviceProjector(DeviceOperator):
             np.float64(absorption.medium), self.device.array(extinction), outside,
             self._shared.is_first,
         )  # fmt: skip
-        shared = replace(self._shared, gas=gas)
+        shared = replace(self._shared, gas=gas, absorption=(absorption, emission))
         return self._of(self.flying, self.device, shared, self._starts, self._stops)
 
     def rows(self, start: int, stop: int) -> DeviceProjector:

@@ -1,10 +1,16 @@
-"""The kernels compiled for the host by the system's C++ compiler, and a device that runs them."""
+"""The kernels compiled for the host by the system's C++ compiler, and devices that run them.
+
+A plugin of pytest: tests/tomo/conftest.py has its fixtures.
+"""
 
 import ctypes
 import os
 import shutil
 import subprocess
+import sys
+from contextlib import nullcontext
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -64,6 +70,71 @@ class HostDevice:
             drawn = np.random.default_rng(self.order).permutation(whole)
             order = drawn.ctypes.data_as(ctypes.c_void_p)
         getattr(library, f"host_{kernel}")(ctypes.c_longlong(whole), order, pointers)
+
+
+CompileException = type("CompileException", (Exception,), {"__module__": "cupy.cuda.compiler"})
+OutOfMemoryError = type("OutOfMemoryError", (MemoryError,), {"__module__": "cupy.cuda.memory"})
+
+
+class Array(np.ndarray):
+    """An array of the stand-in's."""
+
+    def set(self, values):
+        assert values.flags.c_contiguous
+        assert values.dtype == self.dtype
+        self[...] = values
+
+
+class StandIn:
+    """CuPy as far as it is asked, on the host's build of the kernels."""
+
+    from_dlpack = staticmethod(lambda values: np.from_dlpack(values).view(Array))
+    ascontiguousarray = staticmethod(np.ascontiguousarray)
+    asnumpy = staticmethod(lambda values: np.array(values))
+
+    def __init__(self, host, memory=1 << 40):
+        self.host, self.memory, self.options = host, memory, []
+        runtime = SimpleNamespace(
+            getDeviceCount=lambda: 1,
+            getDeviceProperties=lambda number: {"name": b"Stand-in"},
+            memGetInfo=lambda: (1 << 40, 1 << 40),
+        )
+        self.cuda = SimpleNamespace(runtime=runtime, Device=lambda number: nullcontext())
+
+    def get_default_memory_pool(self):
+        return SimpleNamespace(free_bytes=lambda: 0)
+
+    def array(self, values, order):
+        return np.array(values, order=order).view(Array)
+
+    def zeros(self, shape, dtype):
+        made = np.zeros(shape, dtype)
+        self.memory -= made.nbytes
+        if self.memory < 0:
+            raise OutOfMemoryError(f"Out of memory allocating {made.nbytes} bytes")
+        return made.view(Array)
+
+    def RawModule(self, code, options):  # noqa: N802
+        self.options += options
+        return SimpleNamespace(
+            compile=lambda: None, get_function=lambda kernel: self.function(code, kernel)
+        )
+
+    def function(self, code, kernel):
+        values = np.float32 if code.startswith("typedef float real;") else np.float64
+
+        def run(blocks, threads, arguments):
+            assert (len(blocks), len(threads)) == (1, 1)
+            self.host.launch(kernel, values, blocks[0] * threads[0], *arguments)
+
+        return run
+
+
+@pytest.fixture
+def cupy(host, monkeypatch):
+    stand_in = StandIn(host)
+    monkeypatch.setitem(sys.modules, "cupy", stand_in)
+    return stand_in
 
 
 @pytest.fixture(scope="session")
