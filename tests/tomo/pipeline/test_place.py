@@ -95,7 +95,7 @@ def test_gas_is_changed_on_the_device(folder, cupy, form):
 
 
 def refused(folder, **settings):
-    with pytest.raises(ValueError, match="^device: found 'cuda', expected ") as caught:
+    with pytest.raises(ValueError, match=r"^device: found 'cuda', expected ") as caught:
         of(folder, device="cuda", **settings)
     line = str(caught.value)
     assert "\n" not in line

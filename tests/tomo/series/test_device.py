@@ -24,11 +24,13 @@ Lost.__module__ = "cupy_backends.cuda.api.runtime"
 @pytest.fixture(scope="module")
 def store(film, host, tmp_path_factory, choose_quickly):
     """Return the film computed on a stand-in for a device, in one go."""
+    import sys
+
     from host_build import StandIn
 
     path = tmp_path_factory.mktemp("device") / "out.zarr"
     with pytest.MonkeyPatch.context() as patch, choose_quickly():
-        patch.setitem(__import__("sys").modules, "cupy", StandIn(host))
+        patch.setitem(sys.modules, "cupy", StandIn(host))
         return reconstruct_series(film.scan, path, options=film.options.but(device="auto"))
 
 
@@ -37,7 +39,8 @@ def test_volumes_are_those_of_the_cpu(store, undisturbed):
     assert undisturbed.attributes["place"] == "computed on the CPU"
     assert store.attributes["plan"]["device"] == "cuda"
     own, there = undisturbed.group["emission"][:], store.group["emission"][:]
-    assert np.abs(own - there).max() < 1e-4 * own.max()
+    off = np.linalg.norm((own - there).ravel()) / np.linalg.norm(own.ravel())
+    assert off < 2e-4  # roundings to single precision, which the solve of noise makes larger
 
 
 def test_a_lost_device_leaves_the_frames_that_are_done(
@@ -67,7 +70,7 @@ def test_a_lost_device_leaves_the_frames_that_are_done(
         reconstruct_series(film.scan, path, options=options)
     assert str(caught.value) == (
         f"{path}: GPU: Stand-in (cuda:0): cudaErrorECCUncorrectable: uncorrectable ECC error; "
-        "8 of 11 frames are complete: the same command goes on"
+        "8 of 11 frames are complete and stay: the same command goes on"
     )
     monkeypatch.setattr(cupy, "host", SimpleNamespace(launch=launch))
     assert_same(reconstruct_series(film.scan, path, options=options), store)
@@ -92,7 +95,7 @@ def test_a_worker_takes_the_device_of_its_number(plan, cupy, monkeypatch, device
     monkeypatch.setattr(cupy.cuda.runtime, "getDeviceCount", lambda: 2)
     asked = replace(plan, options=plan.options.but(device=device))
     here = asked.at_device_of(0)
-    sent = pickle.loads(pickled(here.on_cpu))
+    sent = pickle.loads(pickled(replace(here, options=asked.options).on_cpu))
     there = sent.at_device_of(rank_of("3"))
     assert there.options.device == expected
     for system in (there.system.built.system, there.system.apart):
