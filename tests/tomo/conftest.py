@@ -4,9 +4,7 @@ import os
 import select
 import shutil
 import subprocess
-import sys
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -24,9 +22,6 @@ from tomo.series.layout import CAMERA_FIGURES
 from tomo.series.solving import SKIPPED, FrameResult
 from tomo.simulation import simulate_images
 from tomo.trace import Segments, trace
-
-sys.path.append(str(Path(__file__).parent / "operators/gpu"))
-from host_build import cuda, cupy, host, libraries, shuffled  # noqa: F401
 
 BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable")
 OPTIONS = (

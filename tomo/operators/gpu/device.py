@@ -75,6 +75,7 @@ class CudaDevice:
     Attributes
     ----------
     name : str
+    number : int
     count : int
         How many devices there are.
 
@@ -99,7 +100,7 @@ class CudaDevice:
             ) from error
         if not 0 <= number < count:
             raise DeviceError(f"GPU: found no device {number}, expected 0 to {count - 1}")
-        self.count, self._number = int(count), number
+        self.count, self.number = int(count), number
         self._device = self._cupy.cuda.Device(number)
         properties = self._cupy.cuda.runtime.getDeviceProperties(number)
         self.name = f"{properties['name'].decode()} (cuda:{number})"
@@ -163,7 +164,7 @@ class CudaDevice:
 
     def holds(self, values: Any) -> bool:
         """Return whether an array that has ``__dlpack_device__`` is in the device's memory."""
-        return tuple(map(int, values.__dlpack_device__())) == (CUDA, self._number)
+        return tuple(map(int, values.__dlpack_device__())) == (CUDA, self.number)
 
     def adopt(self, values: Any) -> Any:
         """Return such an array as one of the device's, in rows, without a copy where it can."""

@@ -98,11 +98,12 @@ class StandIn:
             getDeviceCount=lambda: 1,
             getDeviceProperties=lambda number: {"name": b"Stand-in"},
             memGetInfo=lambda: (1 << 40, 1 << 40),
+            deviceGetAttribute=lambda attribute, number: {16: 132, 13: 1_980_000}[attribute],
         )
         self.cuda = SimpleNamespace(runtime=runtime, Device=lambda number: nullcontext())
 
     def get_default_memory_pool(self):
-        return SimpleNamespace(free_bytes=lambda: 0)
+        return SimpleNamespace(free_bytes=lambda: 0, total_bytes=lambda: 3 << 30)
 
     def array(self, values, order):
         return np.array(values, order=order).view(Array)

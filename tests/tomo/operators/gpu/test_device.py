@@ -1,6 +1,5 @@
 """How CuPy is asked, by a stand-in for it on the host's build; what failures of a device say."""
 
-import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -68,12 +67,3 @@ def test_mistakes_of_callers_stay_theirs(cupy):
     device = CudaDevice()
     with pytest.raises(KeyError):
         device.launch("forward_1", np.int32, 1)
-
-
-def test_the_study_measures_both_products(host, run_tool, monkeypatch):
-    from studies import gpu  # run_tool has tools/ on the path
-
-    monkeypatch.setattr(gpu, "IMAGE", (16, 12))
-    row = gpu.timed(host, 6, 2, 1)
-    rate = r"[\d.]+ Gray/s \([\d.]+ G crossings/s, [\d.]+ ms\)"
-    assert re.fullmatch(rf"6\^3 voxels, 2 views of 16 x 12: forward {rate}, adjoint {rate}", row)
