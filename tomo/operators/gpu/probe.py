@@ -14,6 +14,7 @@ from tomo.operators.gpu.device import CudaDevice, Device, DeviceError
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.matrix import DeviceMatrix
 from tomo.operators.gpu.projector import DeviceProjector
+from tomo.operators.gpu.slabs import DeviceSlabs
 from tomo.operators.image_blur import ImageBlur
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
@@ -66,8 +67,7 @@ def to_device(operator: ProjectionOperator, device: Device) -> ProjectionOperato
     DeviceError
         If it does not fit, has no kind of its own there, or the device fails.
     """
-    _check_size(operator, device)
-    return _moved(operator, device)
+    return _moved(operator, device, _slabs(operator, device))
 
 
 def difference(operator: ProjectionOperator, moved: ProjectionOperator) -> str:
@@ -98,45 +98,59 @@ def _relative(right: NDArray[np.floating], found: NDArray[np.floating]) -> float
     return off / scale if scale > 0 else off
 
 
-def _moved(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
+def _moved(operator: ProjectionOperator, device: Device, slabs: int) -> ProjectionOperator:
     """Return an operator on a device, as far as there is one of its kind."""
     if isinstance(operator, Projector):
         return DeviceMatrix(operator, device)
     if isinstance(operator, OnTheFlyProjector):
-        return DeviceProjector(operator, device)
+        many = slabs > 1
+        return DeviceSlabs(operator, device, slabs) if many else DeviceProjector(operator, device)
     if isinstance(operator, AttenuatedProjector):
         clear = DeviceProjector(operator.rays, device)
         return clear.with_absorption(operator.absorption, operator.emission)
-    if isinstance(operator, ComposedProjector | LinearBasis):
+    if isinstance(operator, ComposedProjector | LinearBasis) and slabs == 1:
         inner = operator.rays if isinstance(operator, ComposedProjector) else operator.projector
-        there = _moved(inner, device)
+        there = _moved(inner, device, slabs)
         if isinstance(there, DeviceOperator) and isinstance(operator, LinearBasis):
             return DeviceLinear(there)
         if isinstance(there, DeviceOperator) and isinstance(operator.images, ImageBlur):
             return DeviceComposed(operator.images, there, operator.view_ptr)
-    changed = operator.with_rays(lambda rays: rays if rays is operator else _moved(rays, device))
+    changed = operator.with_rays(
+        lambda rays: rays if rays is operator else _moved(rays, device, slabs)
+    )
     if changed is operator:
         raise DeviceError(f"GPU: found a {type(operator).__name__}, expected rays of cameras")
     return changed
 
 
-def _check_size(operator: ProjectionOperator, device: Device) -> None:
-    """Refuse an operator that does not fit on a device, before anything is copied."""
-    voxels = operator.grid.size
+def _slabs(operator: ProjectionOperator, device: Device) -> int:
+    """Return into how many slabs a volume is to be cut to fit on a device; 1 where it fits.
+
+    Raises
+    ------
+    DeviceError
+        If it fits in none: rays or stored entries alone are too many, or gas absorbs.
+    """
+    voxels, planes = operator.grid.size, operator.grid.shape[0]
     if voxels > MOST_VOXELS:
         raise DeviceError(f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}")
+    rays = rays_of(operator)
     fixed, each = _bytes_needed(operator)
     free = device.free_bytes()
-    if fixed + each * voxels > free:
-        room = max(free - fixed, 0) // each
-        raise DeviceError(
-            f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and "
-            f"{free / 1e9:.2f} GB free; {room} voxels would fit, found {voxels}"
-        )
+    if fixed + each * voxels <= free:
+        return 1
+    room = max(free - fixed, 0) // each
+    slabs = -(-planes // max(room // (voxels // planes), 1))  # whole planes
+    if isinstance(rays, OnTheFlyProjector) and room * slabs >= voxels:
+        return slabs
+    raise DeviceError(
+        f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and "
+        f"{free / 1e9:.2f} GB free; {room} voxels would fit, found {voxels}"
+    )
 
 
-def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
-    """Return the bytes of an operator with its vectors of one column, and those of each voxel."""
+def rays_of(operator: ProjectionOperator) -> Any:
+    """Return the rays that an operator is composed of; itself where it is rays."""
     rays: Any = operator
 
     def note(found: ProjectionOperator) -> ProjectionOperator:
@@ -145,6 +159,12 @@ def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
         return found
 
     operator.with_rays(note)
+    return rays
+
+
+def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
+    """Return the bytes of an operator with its vectors of one column, and those of each voxel."""
+    rays = rays_of(operator)
     blur = 0 if rays is operator else 128 * rays.shape[0]
     if isinstance(rays, Projector):  # entries, and the transpose's; spans and parts of rows
         return blur + 16 * rays.n_segments + 88 * rays.shape[0], 88

@@ -9,7 +9,8 @@ import numpy as np
 from tomo.operators.gpu.device import CudaDevice, DeviceError
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.names import AUTO, CPU, ON_CPU, device_number
-from tomo.operators.gpu.probe import on_device
+from tomo.operators.gpu.probe import on_device, rays_of
+from tomo.operators.gpu.slabs import DeviceSlabs
 from tomo.operators.operator import ProjectionOperator
 
 WORTH = 5e9
@@ -82,7 +83,11 @@ def taken_to(
 
 def on_cpu(operator: ProjectionOperator) -> ProjectionOperator:
     """Return the operator that was taken to a device; one of the CPU as it is."""
-    return operator.on_cpu if isinstance(operator, DeviceOperator) else operator
+    if isinstance(operator, DeviceOperator | DeviceSlabs):
+        return operator.on_cpu
+    if isinstance(rays_of(operator), DeviceSlabs):
+        return operator.with_rays(on_cpu)
+    return operator
 
 
 def _refused(name: str, reason: str) -> str:

@@ -27,6 +27,7 @@ class HostDevice:
     """A device whose memory is the host's; ``order`` seeds the order in which threads run."""
 
     name = "host"
+    from_dlpack = staticmethod(np.from_dlpack)  # for tests that count what others copy by it
 
     def __init__(self, libraries, order=None):
         self.libraries, self.order = libraries, order
@@ -47,10 +48,13 @@ class HostDevice:
         return values.__dlpack_device__()[0] == 1  # DLPack's number of the CPU
 
     def adopt(self, values):
-        return np.ascontiguousarray(np.from_dlpack(values))
+        return np.ascontiguousarray(self.from_dlpack(values))
 
     def free_bytes(self):
         return 1 << 40
+
+    def used(self):
+        return nullcontext()
 
     def launch(self, kernel, values, threads, *arguments):
         library = self.libraries[np.dtype(values).name]
@@ -85,6 +89,13 @@ class Array(np.ndarray):
         self[...] = values
 
 
+class CurrentDevice(nullcontext):
+    """A device of the stand-in's, entered or made a thread's own."""
+
+    def use(self):
+        pass
+
+
 class StandIn:
     """CuPy as far as it is asked, on the host's build of the kernels."""
 
@@ -100,7 +111,7 @@ class StandIn:
             memGetInfo=lambda: (1 << 40, 1 << 40),
             deviceGetAttribute=lambda attribute, number: {16: 132, 13: 1_980_000}[attribute],
         )
-        self.cuda = SimpleNamespace(runtime=runtime, Device=lambda number: nullcontext())
+        self.cuda = SimpleNamespace(runtime=runtime, Device=lambda number: CurrentDevice())
 
     def get_default_memory_pool(self):
         return SimpleNamespace(free_bytes=lambda: 0, total_bytes=lambda: 3 << 30)
