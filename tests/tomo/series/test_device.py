@@ -2,6 +2,7 @@
 
 import pickle
 from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -41,6 +42,14 @@ def test_volumes_are_those_of_the_cpu(store, undisturbed):
     own, there = undisturbed.group["emission"][:], store.group["emission"][:]
     off = np.linalg.norm((own - there).ravel()) / np.linalg.norm(own.ravel())
     assert off < 2e-4  # roundings to single precision, which the solve of noise makes larger
+
+
+def test_the_page_of_a_film_says_where_it_was_computed(store):
+    from tomo.report import write_series_outcome
+
+    report = write_series_outcome(store, with_film=False)
+    assert report["place"] == "computed on Stand-in (cuda:0)"
+    assert report["place"] in Path(report["page"]).read_text("utf-8")
 
 
 def test_a_lost_device_leaves_the_frames_that_are_done(
