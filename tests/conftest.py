@@ -15,6 +15,9 @@ from typer.testing import CliRunner
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parent.parent
+sys.path += [str(ROOT / "tests/tomo/operators/gpu"), str(ROOT / "tools")]
+from host_build import cuda, cupy, host, libraries, shuffled  # noqa: E402, F401
+
 SECONDS = 2.0  # of processor time for a reader's refusal of one small file
 MEMORY = 260 << 20  # bytes that a refusal may take: twice what the size guard allows to any file
 
@@ -83,15 +86,15 @@ def number_of_threads(count):
     """Run kernels on so many threads, or as many as there are, and torch where it is loaded."""
     import numba
 
-    libraries = [module for module in (numba, sys.modules.get("torch")) if module]
-    before = [module.get_num_threads() for module in libraries]
+    both = [module for module in (numba, sys.modules.get("torch")) if module]
+    before = [module.get_num_threads() for module in both]
     try:
-        for module in libraries:
+        for module in both:
             most = numba.config.NUMBA_NUM_THREADS if module is numba else count
             module.set_num_threads(min(count, most))
         yield
     finally:
-        for module, threads in zip(libraries, before, strict=True):
+        for module, threads in zip(both, before, strict=True):
             module.set_num_threads(threads)
 
 

@@ -1,12 +1,10 @@
 import contextlib
-import ctypes
 import json
 import os
 import select
 import shutil
 import subprocess
 import time
-from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -18,8 +16,6 @@ from tomo.grid import VoxelGrid
 from tomo.measurement import estimate_noise
 from tomo.model import Observation
 from tomo.operators import Projector
-from tomo.operators.gpu.device import THREADS_A_BLOCK
-from tomo.operators.gpu.kernels import NAMES, source
 from tomo.rays import Rays
 from tomo.series import SeriesStore
 from tomo.series.layout import CAMERA_FIGURES
@@ -39,90 +35,6 @@ OPTIONS = (
     "--remote-debugging-pipe",
 )
 FRAMES = 20
-HERE = Path(__file__).parent
-COMPILER = next(filter(None, map(shutil.which, (os.environ.get("CXX", "g++"), "clang++"))), None)
-
-
-class HostDevice:
-    """A device whose memory is the host's; ``order`` seeds the order in which threads run."""
-
-    name = "host"
-    from_dlpack = staticmethod(np.from_dlpack)  # for tests that count what others copy by it
-
-    def __init__(self, libraries, order=None):
-        self.libraries, self.order = libraries, order
-
-    def array(self, values):
-        return np.array(values, order="C")
-
-    def zeros(self, shape, dtype):
-        return np.zeros(shape, dtype)
-
-    def write(self, target, values):
-        target[:] = values
-
-    def host(self, values):
-        return np.array(values)
-
-    def holds(self, values):
-        return values.__dlpack_device__()[0] == 1  # DLPack's number of the CPU
-
-    def adopt(self, values):
-        return np.ascontiguousarray(self.from_dlpack(values))
-
-    def free_bytes(self):
-        return 1 << 40
-
-    def used(self):
-        return contextlib.nullcontext()
-
-    def launch(self, kernel, values, threads, *arguments):
-        library = self.libraries[np.dtype(values).name]
-        assert getattr(library, f"count_{kernel}")() == len(arguments), kernel
-        cells, pointers = [], (ctypes.c_void_p * len(arguments))()
-        for i, one in enumerate(arguments):
-            if isinstance(one, np.ndarray):
-                assert one.flags.c_contiguous
-                cells.append(ctypes.c_void_p(one.ctypes.data))
-            else:
-                assert one.dtype in (np.int64, np.float64, np.uint64)
-                cells.append(ctypes.c_uint64(int(one.view(np.uint64))))
-            pointers[i] = ctypes.addressof(cells[-1])
-        whole = -(-threads // THREADS_A_BLOCK) * THREADS_A_BLOCK  # blocks are always full
-        order = None
-        if self.order is not None:
-            drawn = np.random.default_rng(self.order).permutation(whole)
-            order = drawn.ctypes.data_as(ctypes.c_void_p)
-        getattr(library, f"host_{kernel}")(ctypes.c_longlong(whole), order, pointers)
-
-
-@pytest.fixture(scope="session")
-def libraries(tmp_path_factory):
-    """Return the kernels as shared libraries, by the name of their type."""
-    if COMPILER is None:
-        pytest.skip("no C++ compiler: found neither g++ nor clang++")
-    folder, found = tmp_path_factory.mktemp("kernels"), {}
-    for kind in ("float32", "float64"):
-        text = [
-            f'#include "{HERE / "operators/gpu/host.hpp"}"',
-            source(kind),
-            *(f"HOST({n})" for n in NAMES),
-        ]
-        (folder / f"{kind}.cpp").write_text("\n".join(text), "utf-8")
-        command = [
-            COMPILER, "-std=c++14", "-O2", "-ffp-contract=off", "-fPIC", "-shared", "-Wall",
-            "-Werror", "-o", folder / f"{kind}.so", folder / f"{kind}.cpp",
-        ]  # fmt: skip
-        done = subprocess.run(command, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-        found[kind] = ctypes.CDLL(str(folder / f"{kind}.so"))
-    return found
-
-
-@pytest.fixture(scope="session")
-def host(libraries):
-    """Return the device that runs the host's build."""
-    return HostDevice(libraries)
 
 
 @pytest.fixture(scope="session")

@@ -27,9 +27,11 @@ def bad_input_in_one_line() -> Iterator[None]:
     """Turn errors about input, memory and files into one line on stderr.
 
     Exit codes are 2 for input, including input that needs too much memory, and 1 for files that
-    the system refuses to read or write (a full disk) and for a solver that diverged.
+    the system refuses to read or write (a full disk), for a solver that diverged and for a GPU
+    that was lost.
     """
     from tomo._compute.memory import check_address_space
+    from tomo.operators.gpu import DeviceError
 
     try:
         check_address_space()
@@ -40,7 +42,7 @@ def bad_input_in_one_line() -> Iterator[None]:
     except Exception as error:
         if isinstance(error, (ValueError, *_ABOUT_A_PATH)):
             end(f"error: {_one_line(error)}", 2)
-        if isinstance(error, (OSError, FloatingPointError)):
+        if isinstance(error, (OSError, FloatingPointError, DeviceError)):
             is_input = getattr(error, "errno", None) == errno.ENAMETOOLONG
             end(f"error: {_one_line(error)}", 2 if is_input else 1)
         if not _is_for_want_of_memory(error):

@@ -104,6 +104,13 @@ def simulate(
         int, typer.Option(help="Seed of the phantom, the gains and the noise.", min=0)
     ] = 0,
     tracer: Annotated[str, typer.Option(help="march, raycast or reference.")] = "march",
+    device: Annotated[
+        str,
+        typer.Option(
+            metavar="DEVICE",
+            help="Where rays are projected: cpu, cuda, cuda:N, the GPU of that number, or auto.",
+        ),
+    ] = "cpu",
     frames: Annotated[
         int | None,
         typer.Option(
@@ -143,7 +150,7 @@ def simulate(
         volume = _read_volume(phantom, loaded, spacing, center)
         voxels = parse_grid(grid, spacing, center, default=volume[1] if volume else default)
         field = _field(phantom, volume, voxels, seed)
-        rays = {"supersample": supersample, "refine": refine, "tracer": tracer}
+        rays = {"supersample": supersample, "refine": refine, "tracer": tracer, "device": device}
         noises = {"noise": noise, "photons": photons, "read_noise": read_noise, "bits": bits}
         settings = {"effects": effects, "seed": seed, **rays, **noises}
         if frames is None and frame_rate is not None:

@@ -114,7 +114,7 @@ def assemble(
             **({} if scan.radiometry is None else {"radiometry": _radiometry(scan)}),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
         },
-        projector=_projector(system, options.tracer),
+        projector=_projector(system, options.tracer) | {"device": built.place},
         basis=stages.solve.built.basis.report(),
         pixel_weights=built.weighting,
         learned=evaluated.learned,

@@ -13,11 +13,13 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel, PixelWeights, weigh_pixels
 from tomo.operators import TRANSPARENT, Absorption, LinearSystem
+from tomo.operators.gpu.names import ON_CPU
 from tomo.pipeline.basis import Basis, in_basis
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.infer import given_absorption
 from tomo.pipeline.methods import Method
 from tomo.pipeline.options import Options
+from tomo.pipeline.place import at_device
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.stage import Record, timed
 from tomo.pipeline.trace import TracedScan, through_gas
@@ -44,6 +46,8 @@ class WeightedSystem:
         That of the system.
     choice : Choice, optional
         The default's for just these equations, where it is known already.
+    place : str
+        Where their products are computed, and why.
     record : Record
     """
 
@@ -54,11 +58,15 @@ class WeightedSystem:
     basis: Basis
     absorption: Absorption = TRANSPARENT
     choice: Choice | None = None
+    place: str = ON_CPU
     record: Record = Record()
 
 
 def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> WeightedSystem:
-    """Choose the unknowns and weigh the pixels, of images as given, through gas that is known."""
+    """Choose the unknowns and weigh the pixels, of images as given, through gas that is known.
+
+    The equations go to a device here, where the options want that.
+    """
     methods = methods_of(options)
     with timed() as stage:
         against = "" if methods[0].through_lenses else f"{methods[0].name} goes ray by ray"
@@ -70,9 +78,10 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
             given_absorption(screened.scan, options) if found is None else found.absorption
         )
         system = through_gas(system, absorption, screened.emission, options)
+        system, place = at_device(system, options, methods)
         weights, weighting = _weighted(system, screened, options, methods)
     return WeightedSystem(
-        system, traced.measured, weights, weighting, basis, absorption=absorption,
+        system, traced.measured, weights, weighting, basis, absorption=absorption, place=place,
         record=stage.record,
     )  # fmt: skip
 

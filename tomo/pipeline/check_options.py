@@ -13,6 +13,7 @@ from tomo.pipeline.coarse import FEWEST_VIEWS
 from tomo.pipeline.methods import AUTO, Method, method_named, method_names
 from tomo.pipeline.options import Options
 from tomo.pipeline.peak import check_peak
+from tomo.pipeline.place import check_device
 from tomo.scan import Scan
 from tomo.uncertainty import AUTO_REPEATS
 
@@ -39,7 +40,7 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
         raise ValueError(
             f"frame: found {options.frame!r} with frames {options.frames!r}, expected one of both"
         )
-    _check_device(options.device, methods)
+    check_device(options.device, methods)
     _check_learning(options, methods[0])
     _check_hold_out(options, scan)
     if not options.skip and options.carving != AUTO:
@@ -194,20 +195,6 @@ def _check_aperture(options: Options, scan: Scan) -> None:
         raise ValueError(
             f"{scan.where}aperture_rays: found {options.aperture_rays}: {error}"
         ) from None
-
-
-def _check_device(device: str, methods: list[Method]) -> None:
-    """Refuse a device that none of the methods runs on, or that is not there."""
-    if device == "cpu":
-        return
-    if not any(method.takes("device") for method in methods):
-        raise ValueError(
-            f"device: found {device!r}, expected cpu for method {methods[0].name}: "
-            "only wernet and wernet-paper run on others"
-        )
-    from tomo.wernet import usable_device
-
-    usable_device(device)
 
 
 def _check_learning(options: Options, method: Method) -> None:

@@ -10,6 +10,8 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
+from tomo.operators.gpu.names import DEVICES, device_number
+
 
 @dataclass(frozen=True)
 class Check:
@@ -68,6 +70,16 @@ def text(*, optional: bool = False) -> Check:
         return value
 
     return Check("text", convert)
+
+
+def device() -> Check:
+    """Accept the name of a device."""
+
+    def convert(value: Any) -> str:
+        device_number(value)
+        return str(value)
+
+    return Check(DEVICES, convert)
 
 
 def path() -> Check:

@@ -58,16 +58,7 @@ class Method:
         return inspect.signature(self.solver).parameters["iterations"].default
 
     def arguments(self, **given: object) -> dict[str, object]:
-        """Return those of the arguments that the solver takes and that are not None.
-
-        Raises
-        ------
-        ValueError
-            If a device is asked for that the method cannot run on.
-        """
-        device = given.get("device", "cpu")
-        if device != "cpu" and not self.takes("device"):
-            raise ValueError(f"device: found {device!r}, expected cpu for method {self.name}")
+        """Return those of the arguments that the solver takes and that are not None."""
         return {k: v for k, v in given.items() if v is not None and self.takes(k)}
 
 

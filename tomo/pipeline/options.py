@@ -8,7 +8,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tomo.pipeline.checks import choice, comparisons, names, number, path, switch, text, whole
+from tomo.pipeline.checks import (
+    choice,
+    comparisons,
+    device,
+    names,
+    number,
+    path,
+    switch,
+    text,
+    whole,
+)
 from tomo.pipeline.declared import Declared, documented, option
 from tomo.pipeline.methods import AUTO, method_names
 
@@ -265,8 +275,10 @@ class Options(Declared, gone=GONE):
     )
     device: str = option(
         "cpu",
-        "Where wernet and wernet-paper train, like cpu or cuda. Classic solves run on the CPU.",
-        text(),
+        "Where images are projected, and where wernet and wernet-paper train: cpu, cuda, or "
+        "cuda:N, the device of that number. auto: a device where there is one and the problem is "
+        "large, else the CPU. art, mart and wernet go through the matrix's entries on the CPU.",
+        device(),
         expert=True,
         metavar="DEVICE",
     )

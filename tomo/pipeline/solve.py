@@ -22,6 +22,7 @@ from tomo.pipeline.check_options import settings_of
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
 from tomo.pipeline.options import Options
+from tomo.pipeline.place import training_device
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.smooth_solve import smooth_start
@@ -234,6 +235,8 @@ def _arguments(
     """Return the arguments of a method's solver."""
     names = ("device", "encoder", "freeze_encoder", "checkpoint", "resume")
     learning = {name: getattr(options, name) for name in names if method.takes(name)}
+    if "device" in learning:
+        learning["device"] = training_device(options.device)
     if method.name == options.method:
         learning["settings"] = settings_of(options)
     if method.starts_from_default:

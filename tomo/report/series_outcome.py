@@ -99,6 +99,7 @@ def series_report(table: SeriesTable) -> dict[str, Any]:
         },
         "watched": [asdict(one) for one in found],
         "plan": about["plan"],
+        "place": about.get("place"),
         "warnings": lines,
     }
 

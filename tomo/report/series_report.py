@@ -193,6 +193,7 @@ def _plan_details(about: Mapping[str, Any]) -> dict[str, Any]:
     plan = about["plan"]
     keys = plan.get("key_frames")
     return {
+        "projector": {"device": about["place"]} if "place" in about else None,
         "basis": plan.get("basis"),
         "gains": plan.get("gains"),
         "carving": plan.get("carving"),

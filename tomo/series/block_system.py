@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -35,6 +36,11 @@ class BlockSystem:
     apart: LinearSystem | None
     active: ActiveVoxels
     pixels: tuple[NDArray[np.bool_], ...]
+
+    def changed(self, change: Callable[[LinearSystem], LinearSystem]) -> BlockSystem:
+        """Return the same equations, both kinds of them changed alike."""
+        built = replace(self.built, system=change(self.built.system))
+        return replace(self, built=built, apart=self.apart and change(self.apart))
 
     @cached_property
     def in_sight(self) -> tuple[Masks, Masks]:

@@ -6,6 +6,7 @@ import importlib.metadata
 import io
 import os
 import pickle
+import re
 import threading
 from collections.abc import Mapping
 from pathlib import Path, PurePath
@@ -35,7 +36,7 @@ class HeldPlan(WorkerPlugin):
     """
 
     def __init__(self, plan: Plan, store: SeriesStore, versions: Mapping[str, str]) -> None:
-        self._packed = pickled(plan)
+        self._packed = pickled(plan.on_cpu)
         self._path = store.path.absolute()
         self._held: tuple[Plan, SeriesStore, Claims] | None = None
         self._stamp = stamp_of(os.stat(self._path / "zarr.json"))
@@ -49,6 +50,7 @@ class HeldPlan(WorkerPlugin):
         """Take the plan as a worker."""
         self._lock = threading.Lock()
         self._name = getattr(worker, "address", "this one")
+        self._rank = rank_of(getattr(worker, "name", ""))
 
     def teardown(self, worker: object) -> None:
         """Let the store and the plan go."""
@@ -75,7 +77,8 @@ class HeldPlan(WorkerPlugin):
     def _open(self) -> tuple[Plan, SeriesStore, Claims]:
         check_versions(self._name, self._versions, own_versions())
         check_store(self._name, self._path, self._stamp, _stat(self._path / "zarr.json"))
-        return pickle.loads(self._packed), SeriesStore(self._path), Claims(self._path)
+        plan = pickle.loads(self._packed).at_device_of(self._rank)
+        return plan, SeriesStore(self._path), Claims(self._path)
 
 
 def solve_block_of(name: str, start: int, stop: int, wait: bool) -> bool:
@@ -83,6 +86,15 @@ def solve_block_of(name: str, start: int, stop: int, wait: bool) -> bool:
     plan = get_worker().plugins[name]
     assert isinstance(plan, HeldPlan)
     return plan.solve(range(start, stop), wait)
+
+
+def rank_of(name: object) -> int:
+    """Return the number of a worker among those of its machine; 0 where its name is none.
+
+    Dask numbers workers that it starts. Where others give each worker a GPU of its own
+    (CUDA_VISIBLE_DEVICES), that is its only one whatever the number.
+    """
+    return int(str(name)) if re.fullmatch(r"\d+", str(name), re.ASCII) else 0
 
 
 def bound_threads() -> None:

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
+from tomo.operators.gpu.names import CPU
+from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.options import Options
 from tomo.pipeline.peak import Peak
+from tomo.pipeline.place import at_device, device_of_rank, system_on_cpu
 from tomo.pipeline.register import Registered
 from tomo.pipeline.report_json import plain
 from tomo.pipeline.screen import ScreenedScan
@@ -31,6 +34,7 @@ class Plan:
     scan : Scan
     grid : VoxelGrid
     options : Options
+        With the device that was settled on in place of ``auto``.
     places : tuple of int
         The frames, by their places in the scan.
     keys : tuple of int
@@ -70,6 +74,21 @@ class Plan:
     temporal: TemporalChoice | None = None
 
     @property
+    def on_cpu(self) -> Plan:
+        """The same plan with its equations on the CPU, as other processes can be sent it."""
+        return replace(self, system=self.system.changed(system_on_cpu))
+
+    def at_device_of(self, rank: int) -> Plan:
+        """Return the plan of a process of so many that share the devices of a machine.
+
+        Processes take the devices in turn, unless one device is asked for by its number.
+        """
+        options = replace(self.options, device=device_of_rank(self.options.device, rank))
+        methods = methods_of(options)
+        system = self.system.changed(lambda one: at_device(one, options, methods)[0])
+        return replace(self, options=options, system=system)
+
+    @property
     def filter(self) -> TemporalFilter | None:
         """How frames are filtered in time; None where each stands for itself."""
         return None if self.temporal is None else self.temporal.filter
@@ -91,8 +110,11 @@ class Plan:
         gains, refinement = self.screened.gains, self.screened.refinement
         pixels, excluded = self.screened.pixels, list(self.screened.excluded)
         rule = self.registered.rule
+        device = self.options.device.partition(":")[0]  # its number changes no bit
+        elsewhere = {} if device == CPU else {"device": device}
         return plain(
-            {
+            elsewhere
+            | {
                 "peak": asdict(self.peak),
                 "key_frames": [self.scan.frames[place].name for place in self.keys],
                 "choice": self.choice and self.choice.setting._asdict(),

@@ -18,6 +18,7 @@ import numpy as np
 from rigs import Rig
 from rigs.progress import FRAMES, Progress, progress_of
 from tomo.grid import VoxelGrid
+from tomo.operators.gpu import DeviceError
 from tomo.pipeline.check_options import as_asked
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
@@ -123,7 +124,7 @@ def reconstruct_series(
             _check_room(Path(path), plan)
             known = SeriesStore.create(path, grid, times, places, attributes)
         check_same_run(known, attributes)
-        with _no_room_in_one_line(known):
+        with _failures_in_one_line(known):
             execute(plan, known, tell)
     return known
 
@@ -264,10 +265,14 @@ def _check_room(path: Path, plan: Plan) -> None:
 
 
 @contextmanager
-def _no_room_in_one_line(store: SeriesStore) -> Iterator[None]:
-    """Say of a disk that is full which frames stay."""
+def _failures_in_one_line(store: SeriesStore) -> Iterator[None]:
+    """Say of a disk that is full, and of a device that was lost, which frames stay."""
     try:
         yield
+    except DeviceError as error:
+        raise DeviceError(
+            f"{store.path}: {error}; {store.done()}: the same command goes on"
+        ) from None
     except OSError as error:
         if error.errno not in (errno.ENOSPC, errno.EDQUOT):
             raise

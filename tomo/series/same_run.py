@@ -84,6 +84,7 @@ def attributes_of_plan(plan: Plan) -> dict[str, Any]:
         {
             "plan": plan.report(),
             "plan_warnings": list(plan.warnings),
+            "place": plan.system.built.place,
             "corrected_rig": found and yaml.safe_load(rig_to_yaml(found)),
         }
     )

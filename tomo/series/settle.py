@@ -14,17 +14,19 @@ from numpy.typing import NDArray
 
 from rigs.progress import staged
 from tomo.grid import VoxelGrid
+from tomo.operators.gpu.names import settled
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_cameras import check_cameras
-from tomo.pipeline.check_options import cameras_to_refine, check_options
+from tomo.pipeline.check_options import cameras_to_refine, check_options, methods_of
 from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.peak import peak_of
+from tomo.pipeline.place import at_device
 from tomo.pipeline.prepare import prepare
 from tomo.pipeline.solve import solve
 from tomo.scan import Scan
@@ -116,8 +118,10 @@ def make_plan(
     ready = prepare(scan, grid, options, loaded, others, cameras, stage)
     screened, registered, built = ready.screened, ready.registered, ready.built
     emission, apart = _emission(built, options), ready.apart
+    options = replace(options, device=settled(options.device, built.place))
     if apart is not None:
         apart = system_apart(apart, built, emission, options)
+        apart, _ = at_device(apart, options, methods_of(options))
     system = BlockSystem(built, apart, registered.active, tuple(registered.masks))
     truth = read_reference(scan, grid, scan.frames[keys[0]].name)
     done = (*ready.records.values(), truth.record)

@@ -10,9 +10,11 @@ import numpy as np
 from tomo.grid import ActiveVoxels
 from tomo.pipeline.basis import in_basis
 from tomo.pipeline.build import WeightedSystem, weigh_images
+from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.evaluate import system_apart, trace_apart
 from tomo.pipeline.frames import FrameImages, usable_in_all
 from tomo.pipeline.hulls import hull_of_frames
+from tomo.pipeline.place import at_device
 from tomo.pipeline.trace import through_gas, trace_views
 from tomo.series.block_system import BlockSystem
 from tomo.series.plan import Plan
@@ -50,9 +52,12 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
         traced.system, of_plan.basis.name, plan.options.supersample, "", found and found.blur
     )
     system = through_gas(system, of_plan.absorption, plan.emission, plan.options)
-    built = replace(of_plan, system=system, choice=None)
+    methods = methods_of(plan.options)
+    system, place = at_device(system, plan.options, methods)
+    built = replace(of_plan, system=system, choice=None, place=place)
     if apart is not None:
         apart = system_apart(apart, built, plan.emission, plan.options)
+        apart, _ = at_device(apart, plan.options, methods)
     return BlockSystem(built, apart, active, pixels)
 
 

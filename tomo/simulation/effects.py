@@ -177,10 +177,14 @@ focus_distance=None, aperture_rays=32)
         extinction : ExtinctionVolume, optional
             That of gas in the scene.
         """
-        if not self.absorbs and extinction is None:
+        absorption = self.gas(extinction)
+        if not absorption:
             return trace(rays, grid, tracer)
-        absorption = Absorption(self.absorption, self.self_absorption, extinction)
         return attenuating(grid, absorption, emission, tracer=tracer)(rays)
+
+    def gas(self, extinction: ExtinctionVolume | None = None) -> Absorption:
+        """Return the absorption of the gas, with that of gas in the scene."""
+        return Absorption(self.absorption, self.self_absorption, extinction)
 
     def weight_ratio(
         self,

@@ -13,12 +13,13 @@ from numpy.typing import NDArray
 from phantoms import Field, field_at, sample
 from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
+from tomo.operators.gpu.names import device_number
 from tomo.scan import Corrections
 from tomo.scan.write_film import writing_film
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
 from tomo.simulation.emission import field_and_grid
-from tomo.simulation.project import check_memory, project_volumes, volumes_at_once
+from tomo.simulation.project import check_memory, device_of, project_volumes, volumes_at_once
 from tomo.simulation.simulate import SMALLEST_REFINEMENT, check
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ def simulate_film(
     bits: int | None = None,
     seed: int = 0,
     tracer: str = "march",
+    device: str = "cpu",
     progress: Progress | bool | None = None,
 ) -> Path:
     """Write the film that a rig takes of a field as a scan folder; return its scan.yaml.
@@ -71,7 +73,7 @@ def simulate_film(
     frames : int
     frame_rate : float
         Frames a second.
-    supersample, refine, effects, tracer
+    supersample, refine, effects, tracer, device
         See `tomo.simulation.simulate_images`.
     noise, photons, read_noise, bits
         As there. The maximum is that of four frames spread over the film: its exposure does not
@@ -84,9 +86,10 @@ def simulate_film(
     Raises
     ------
     ValueError
-        If an argument is out of range, or no camera sees the grid.
+        See `tomo.simulation.simulate_images`.
     """
     check(supersample, noise, photons, read_noise, bits, seed)
+    device_number(device)
     if frames < 1 or frames != int(frames):
         raise ValueError(f"frames: found {frames}, expected a whole number >= 1")
     if not (math.isfinite(frame_rate) and frame_rate > 0):
@@ -95,6 +98,7 @@ def simulate_film(
     effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
     check_memory(fine_grid)
+    there, _ = device_of(device, rig, grid, fine_grid, effects, supersample)
     gains = effects.gains(len(rig), seed)
 
     def images_of(numbers: range | list[int]) -> tuple[list[dict[str, NDArray]], list[NDArray]]:
@@ -103,7 +107,9 @@ def simulate_film(
             sample(field_at(field, number / frame_rate), fine_grid, SMALLEST_REFINEMENT)
             for number in numbers
         ]
-        found = project_volumes(rig, fine, grid, fine_grid, effects, gains, supersample, tracer)
+        found = project_volumes(
+            rig, fine, grid, fine_grid, effects, gains, supersample, tracer, None, there
+        )
         return found, [grid.average(volume, refine) for volume in fine]
 
     maximum = 0.0

@@ -10,12 +10,19 @@ from numpy.typing import NDArray
 
 from tomo._compute.memory import available_memory
 from tomo.grid import ActiveVoxels, VoxelGrid
-from tomo.operators import Projector, extinction_of
+from tomo.operators import Absorption, Projector, extinction_of
+from tomo.operators.gpu import DeviceProjector, taken_to, to_device
+from tomo.operators.gpu.names import CPU, ON_CPU
+from tomo.operators.gpu.probe import PROBED
+from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
+from tomo.operators.operator import ProjectionOperator
+from tomo.rays import Rays
 from tomo.simulation.effects import Effects
 
 if TYPE_CHECKING:
     from rigs import Rig
     from rigs.progress import Progress
+    from tomo.operators.gpu import Device
 
 _SEGMENTS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, for any image size
 _RAYS_AT_ONCE = 2**19
@@ -32,6 +39,7 @@ def project_volumes(
     supersample: int,
     tracer: str,
     progress: Progress | None = None,
+    device: Device | None = None,
 ) -> list[dict[str, NDArray[np.float32]]]:
     """Return the images of some volumes, camera name to ``(h, w)``, one mapping a volume.
 
@@ -48,6 +56,8 @@ def project_volumes(
     gains : (cameras,)
     supersample, tracer, progress
         See `tomo.simulation.simulate_images`.
+    device : Device, optional
+        Where rays are projected, by face crossings whatever the tracer; the CPU when None.
 
     Raises
     ------
@@ -75,8 +85,11 @@ def project_volumes(
             projector = None
             for volume, image in zip(volumes, flat, strict=True):
                 if projector is None or effects.self_absorption:
-                    segments = effects.trace(rays, fine_grid, volume, tracer, gas)
-                    projector = Projector(segments, fine_grid, active=every)
+                    if device is None:
+                        segments = effects.trace(rays, fine_grid, volume, tracer, gas)
+                        projector = Projector(segments, fine_grid, active=every)
+                    else:
+                        projector = _on_device(rays, every, effects.gas(gas), volume, device)
                 image[pixels] = (projector @ volume.ravel()) * light
             done += len(pixels)
             if progress is not None:
@@ -84,6 +97,41 @@ def project_volumes(
         for images, image in zip(found, flat, strict=True):
             images[camera.name] = image.reshape(height, width)
     return found
+
+
+def _on_device(
+    rays: Rays,
+    every: ActiveVoxels,
+    absorption: Absorption,
+    volume: NDArray[np.float32],
+    device: Device,
+) -> ProjectionOperator:
+    """Return the projection of some rays on a device, through gas where that absorbs."""
+    flying = OnTheFlyProjector(rays, every.grid, active=every)
+    if not absorption:
+        return to_device(flying, device)
+    return to_device(AttenuatedProjector(flying, absorption, volume.ravel()), device)
+
+
+def device_of(
+    name: str, rig: Rig, grid: VoxelGrid, fine_grid: VoxelGrid, effects: Effects, supersample: int
+) -> tuple[Device | None, str]:
+    """Return the device that a simulation is to be computed on, probed; or None, and why.
+
+    Raises
+    ------
+    ValueError
+        See `tomo.operators.gpu.taken_to`.
+    """
+    if name == CPU:
+        return None, ON_CPU
+    seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}
+    rays = effects.rays_per_pixel(supersample) * sum(map(len, seen.values()))
+    camera = max(rig, key=lambda one: len(seen[one.name]))
+    some = seen[camera.name][:: max(len(seen[camera.name]) // PROBED, 1)]
+    flying = OnTheFlyProjector(effects.rays(camera, some, supersample), fine_grid)
+    moved, place = taken_to(flying, name, float(rays) * sum(fine_grid.shape))
+    return moved.device if isinstance(moved, DeviceProjector) else None, place
 
 
 def check_memory(fine_grid: VoxelGrid) -> None:

@@ -17,11 +17,12 @@ from numpy.typing import NDArray
 from phantoms import Field, sample
 from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
+from tomo.operators.gpu.names import device_number
 from tomo.scan import Corrections, Scan
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
 from tomo.simulation.emission import field_and_grid
-from tomo.simulation.project import check_memory, project_volumes
+from tomo.simulation.project import check_memory, device_of, project_volumes
 
 if TYPE_CHECKING:
     from xarray import DataArray
@@ -99,7 +100,7 @@ def simulate(
         Where the truth is stored; that of the volume, else the rig's when None.
     settings
         See `tomo.simulation.simulate_images`: ``supersample, refine, effects, noise, photons,
-        read_noise, bits, seed, tracer, progress``.
+        read_noise, bits, seed, tracer, device, progress``.
     """
     return simulate_images(rig, field, grid, **settings).scan
 
@@ -118,6 +119,7 @@ def simulate_images(
     bits: int | None = None,
     seed: int = 0,
     tracer: str = "march",
+    device: str = "cpu",
     progress: Progress | bool | None = None,
 ) -> SimulatedImages:
     """Return the images that a rig takes of a field, and how they came about.
@@ -152,24 +154,30 @@ def simulate_images(
         Seed of noise and gains; equal seeds give bit-identical images.
     tracer : str
         See `tomo.trace`.
+    device : str
+        Where rays are projected: ``cpu``, ``auto``, ``cuda`` or ``cuda:N``. On a device the tracer
+        is not used.
     progress : bool or callable, optional
         True shows a bar; called with the pixels done, their total, and the camera's name.
 
     Raises
     ------
     ValueError
-        If an argument is out of range, or no camera sees the grid.
+        If an argument is out of range, no camera sees the grid, or a device that is asked for by
+        name cannot be used.
     """
     check(supersample, noise, photons, read_noise, bits, seed)
+    device_number(device)
     field, grid = field_and_grid(field, grid, rig)
     effects = Effects() if effects is None else effects
     fine_grid = grid.refined(refine)
     check_memory(fine_grid)
+    there, place = device_of(device, rig, grid, fine_grid, effects, supersample)
     gains = effects.gains(len(rig), seed)
     fine = sample(field, fine_grid, SMALLEST_REFINEMENT)  # (nx R, ny R, nz R)
     with progress_of(progress, "simulate") as tell:
         (images,) = project_volumes(
-            rig, [fine], grid, fine_grid, effects, gains, supersample, tracer, tell
+            rig, [fine], grid, fine_grid, effects, gains, supersample, tracer, tell, there
         )
 
     settings: dict[str, Any] = {
@@ -183,6 +191,7 @@ def simulate_images(
         "bits": bits,
         "seed": seed,
         "tracer": tracer,
+        "device": place,
     }
     if effects.gain_spread > 0:
         settings["gains"] = dict(zip(rig.names, gains.tolist(), strict=True))

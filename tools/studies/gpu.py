@@ -1,77 +1,73 @@
-"""All that needs a GPU: ``python tools/studies/gpu.py [--views N] [--sizes 128,256,512]``.
+"""All that needs a GPU: ``python tools/studies/gpu.py [--size full] [--data FOLDER]``.
 
-It runs the tests marked ``gpu`` (the device's bits are the host build's), then times products of
-arrays that stay on the device. Without a device it says in one line what is missing.
+It compiles the kernels, runs the tests marked ``gpu`` (the device's bits are the host build's),
+and measures what `studies.benchmark.gpu` does, in some minutes. Without a device it says in one
+line what is missing.
 """
 
 from __future__ import annotations
 
 import argparse
+import os
 import subprocess
 import sys
+import time
 from pathlib import Path
-from typing import Any
-
-import numpy as np
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
-import rigs  # noqa: E402
-from studies.common.timing import in_turn  # noqa: E402
-from tomo.grid import VoxelGrid  # noqa: E402
-from tomo.operators.gpu import CudaDevice, DeviceError, on_device  # noqa: E402
-from tomo.operators.on_the_fly import OnTheFlyProjector  # noqa: E402
+from studies.benchmark.gpu import COLUMNS, SIZES, check, run  # noqa: E402
+from studies.common.page import markdown  # noqa: E402
+from studies.common.study import Request  # noqa: E402
+from tomo.operators.gpu import CudaDevice  # noqa: E402
 
-IMAGE = (1024, 768)
-"""Pixels of a view: as diffct's own benchmark has them."""
+TESTS = ROOT / "tests/tomo/operators/gpu"
 
 
-def timed(device: CudaDevice, size: int, views: int, repeats: int) -> str:
-    """Return a row of the table: rays a second of both products of a cube of voxels."""
-    grid = VoxelGrid((size,) * 3, 1.0)
-    rig = rigs.ring(views, distance=4.0 * size, image_size=IMAGE, footprint=2.0 * size / IMAGE[0])
-    operator, reason = on_device(OnTheFlyProjector.from_cameras(tuple(rig), None, grid), device)
-    if getattr(operator, "device", None) is not device:
-        return f"{size}: {reason}"
-    random = np.random.default_rng(0)
-    x = device.array(random.random(operator.shape[1], np.float32))
-    y = device.array(random.random(operator.shape[0], np.float32))
+def tested() -> int:
+    """Run the tests marked ``gpu``, with their own fixtures alone; return the exit code."""
+    paths = [str(ROOT), str(ROOT / "tools"), str(TESTS), os.environ.get("PYTHONPATH", "")]
+    command = ["-m", "pytest", "-q", "-n", "0", "-m", "gpu", "-rs", "-p", "host_build"]
+    command += [f"--confcutdir={TESTS}", str(TESTS)]
+    environment = os.environ | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+    return subprocess.run(
+        [sys.executable, *command], cwd=ROOT, env=environment, check=False
+    ).returncode
 
-    def done(result: Any) -> None:
-        device.host(result[:1])  # waits for the device
 
-    products = {"forward": lambda: done(operator @ x), "adjoint": lambda: done(operator.T @ y)}
-    seconds = in_turn(products, repeats)
-    rays, crossings = operator.shape[0] / 1e9, operator.n_segments / 1e9
-    rates = ", ".join(
-        f"{name} {rays / one:.3f} Gray/s ({crossings / one:.1f} G crossings/s, {1e3 * one:.1f} ms)"
-        for name, one in seconds.items()
-    )
-    return f"{size}^3 voxels, {views} views of {IMAGE[0]} x {IMAGE[1]}: {rates}"
+def said(line: str) -> None:
+    """Print a line at once: the machine may be taken away."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
 
 
 def main() -> int:
-    """Check and time; return the exit code."""
+    """Check and measure; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--views", type=int, default=36)
-    parser.add_argument("--sizes", default="128,256,512")
-    parser.add_argument("--repeats", type=int, default=5)
+    parser.add_argument("--size", choices=SIZES, default="quick")
+    parser.add_argument("--data", type=Path, help="A folder of real image sets.")
+    parser.add_argument("--device", default="cuda")
     wanted = parser.parse_args()
+    began = time.perf_counter()
+
+    def note(done: int, total: int, what: str) -> None:
+        said(f"{time.perf_counter() - began:.0f} s: {what}")
+
+    request = Request(wanted.size, 0, wanted.data, wanted.device, note)
     try:
-        device = CudaDevice()
-    except DeviceError as error:
-        sys.stdout.write(f"{error}\n")
+        check(request)
+    except ValueError as error:
+        said(str(error))
         return 2
-    sys.stdout.write(f"{device.name}\n")
-    sys.stdout.flush()
-    folder = "tests/tomo/operators/gpu"  # its own fixtures alone: fewer packages are needed
-    tests = ["-m", "pytest", "-q", "-n", "0", "-m", "gpu", "-rs", f"--confcutdir={folder}", folder]
-    failed = subprocess.run([sys.executable, *tests], cwd=ROOT, check=False).returncode
-    for size in map(int, wanted.sizes.split(",")):
-        sys.stdout.write(timed(device, size, wanted.views, wanted.repeats) + "\n")
-        sys.stdout.flush()
-    return failed
+    said(CudaDevice().name)
+    failed = tested()
+    tables = run(request)
+    for name, rows in tables.items():
+        if rows:
+            said(f"\n**{name}**\n\n{markdown(rows, COLUMNS[name])}")
+    wrong = [row for row in tables["errors"] if not row["holds"]]
+    return failed or int(bool(wrong))
 
 
 if __name__ == "__main__":

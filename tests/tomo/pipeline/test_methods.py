@@ -64,9 +64,8 @@ def test_the_papers_method_takes_a_device_and_a_seed():
 
 
 @pytest.mark.parametrize("name", solvers.METHODS)
-def test_classic_methods_refuse_a_device(name):
-    with pytest.raises(ValueError, match=f"device: found 'cuda', expected cpu for method {name}"):
-        method_named(name).arguments(device="cuda", seed=0, iterations=None)
+def test_solvers_know_no_device(name):
+    assert "device" not in method_named(name).arguments(device="cuda", seed=0, iterations=None)
 
 
 @pytest.fixture

@@ -21,8 +21,9 @@ the same text for the host and compare it with the float64 oracle. Neither compi
 product and a sum to one rounding: the device then has to compute the bits of the host's build.
 
 Modules: `kernels` (the text), `device` (CuPy), `device_operator` (what both forms share),
-`projector` (lengths computed at every product), `matrix` (stored entries), `composition` (blurs of
-images, the linear basis), `probe` (`on_device`).
+`projector` (lengths computed at every product), `slabs` (the same of too large a volume), `matrix`
+(stored entries), `composition` (blurs of images, the linear basis), `probe` (`on_device`), `names`
+and `wanted` (the device that an option names).
 """
 
 import lazy_loader
@@ -33,7 +34,9 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "composition": ["DeviceComposed", "DeviceLinear"],
         "device": ["CudaDevice", "Device", "DeviceError"],
         "matrix": ["DeviceMatrix"],
-        "probe": ["on_device"],
+        "probe": ["on_device", "to_device"],
         "projector": ["DeviceProjector"],
+        "slabs": ["DeviceSlabs"],
+        "wanted": ["device_for", "on_cpu", "taken_to"],
     },
 )

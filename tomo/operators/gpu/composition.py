@@ -91,6 +91,11 @@ class DeviceComposed(DeviceOperator, ComposedProjector):
         ComposedProjector.__init__(self, images, rays, view_ptr)
         self.device = rays.device
 
+    @property
+    def on_cpu(self) -> ComposedProjector:
+        """The same composition on the CPU."""
+        return ComposedProjector(self.images, self.rays.on_cpu, self.view_ptr)
+
     @cached_property
     def _blur(self) -> DeviceBlur:
         return DeviceBlur(self.images, self.device)
@@ -116,6 +121,11 @@ class DeviceLinear(DeviceOperator, LinearBasis):
     def __init__(self, projector: DeviceOperator) -> None:
         LinearBasis.__init__(self, projector)
         self.device = projector.device
+
+    @property
+    def on_cpu(self) -> LinearBasis:
+        """The same basis on the CPU."""
+        return LinearBasis(self.projector.on_cpu)
 
     def _on(self, projector: Any) -> DeviceLinear:
         return DeviceLinear(projector)

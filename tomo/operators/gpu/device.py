@@ -75,6 +75,13 @@ class CudaDevice:
     number : int
         As CUDA counts the devices.
 
+    Attributes
+    ----------
+    name : str
+    number : int
+    count : int
+        How many devices there are.
+
     Raises
     ------
     DeviceError
@@ -91,10 +98,13 @@ class CudaDevice:
         try:
             count = self._cupy.cuda.runtime.getDeviceCount()
         except Exception as error:  # CUDARuntimeError, where there is no driver or an old one
-            raise DeviceError(f"GPU: found no CUDA device: {_line(error)}") from error
+            raise DeviceError(
+                f"GPU: found no CUDA device: {_line(error)}; expected a driver for CUDA 12+"
+            ) from error
         if not 0 <= number < count:
             raise DeviceError(f"GPU: found no device {number}, expected 0 to {count - 1}")
-        self._number, self._device = number, self._cupy.cuda.Device(number)
+        self.count, self.number = int(count), number
+        self._device = self._cupy.cuda.Device(number)
         properties = self._cupy.cuda.runtime.getDeviceProperties(number)
         self.name = f"{properties['name'].decode()} (cuda:{number})"
         self._module = cache(self._compiled)
@@ -102,6 +112,17 @@ class CudaDevice:
     def __repr__(self) -> str:
         """Name the device."""
         return f"<CudaDevice: {self.name}>"
+
+    def compile(self, values: DTypeLike) -> None:
+        """Compile the kernels for one type; CuPy keeps them on disk for the next time.
+
+        Raises
+        ------
+        DeviceError
+            If they do not compile, with the compiler's line.
+        """
+        with self._used():
+            self._module(np.dtype(values))
 
     def _compiled(self, values: np.dtype) -> Any:
         """Return the kernels for one type; the compiler's first line is shown where it refuses."""
@@ -148,7 +169,7 @@ class CudaDevice:
 
     def holds(self, values: Any) -> bool:
         """Return whether an array that has ``__dlpack_device__`` is in the device's memory."""
-        return tuple(map(int, values.__dlpack_device__())) == (CUDA, self._number)
+        return tuple(map(int, values.__dlpack_device__())) == (CUDA, self.number)
 
     def adopt(self, values: Any) -> Any:
         """Return such an array as one of the device's, in rows, without a copy where it can."""

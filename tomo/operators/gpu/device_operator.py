@@ -37,6 +37,11 @@ class DeviceOperator(ArrayProducts):
     def adjoint(self, y: Any) -> Any:
         """Return the unknowns ``(unknowns, columns)`` of images ``(pixels, columns)``."""
 
+    @property
+    @abstractmethod
+    def on_cpu(self) -> ProjectionOperator:
+        """The operator of the CPU that was taken to the device."""
+
     def takes(self, values: Any) -> bool:
         """Return whether an argument is another library's array on the device: it stays there."""
         return not is_numpy(values) and self.device.holds(values)

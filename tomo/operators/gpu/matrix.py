@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.operators.composition import Change
 from tomo.operators.gpu.device import NOTHING, Device
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.kernels import together
 from tomo.operators.stored import Projector
+from tomo.trace import Segments
 
 LANES = 8
 """Threads that add up a row: as the kernels are written."""
@@ -78,9 +80,19 @@ class DeviceMatrix(DeviceOperator):
         )
 
     @property
+    def on_cpu(self) -> Projector:
+        """The stored matrix."""
+        return self.stored
+
+    @property
     def n_segments(self) -> int:
         """Number of stored entries."""
         return self.stored.n_segments
+
+    @property
+    def segments(self) -> Segments:
+        """The entries as segments, on the CPU."""
+        return self.stored.segments
 
     @cached_property
     def _rows(self) -> _Rows:
@@ -104,6 +116,10 @@ class DeviceMatrix(DeviceOperator):
 
     def _taken(self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]) -> DeviceMatrix:
         return DeviceMatrix(self.stored._taken(pixels, view_ptr), self.device)
+
+    def with_rays(self, change: Change) -> DeviceMatrix:
+        """Return the operator of other rays: ``change`` takes and returns those of the CPU."""
+        return DeviceMatrix(cast("Projector", change(self.stored)), self.device)
 
     def of_unknowns(self, kept: NDArray[np.bool_]) -> DeviceMatrix:
         """Return the operator of some of the unknowns, ``kept`` (unknowns,) bool; a copy."""

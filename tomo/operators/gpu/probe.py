@@ -14,6 +14,7 @@ from tomo.operators.gpu.device import CudaDevice, Device, DeviceError
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.matrix import DeviceMatrix
 from tomo.operators.gpu.projector import DeviceProjector
+from tomo.operators.gpu.slabs import DeviceSlabs
 from tomo.operators.image_blur import ImageBlur
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
@@ -50,15 +51,23 @@ def on_device(
     """
     try:
         device = CudaDevice() if device is None else device
-        if too_large := _too_large(operator, device):
-            return operator, too_large
-        moved = _moved(operator, device)
-        found = difference(operator, moved)
+        moved = to_device(operator, device)
+        if found := difference(operator, moved):
+            raise DeviceError(f"GPU: {device.name}: {found}")
     except DeviceError as error:
         return operator, f"{error}: computed on the CPU"
-    if found:
-        return operator, f"GPU: {device.name}: {found}: computed on the CPU"
     return moved, f"computed on {device.name}"
+
+
+def to_device(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
+    """Return the same operator on a device, without a comparison.
+
+    Raises
+    ------
+    DeviceError
+        If it does not fit, has no kind of its own there, or the device fails.
+    """
+    return _moved(operator, device, _slabs(operator, device))
 
 
 def difference(operator: ProjectionOperator, moved: ProjectionOperator) -> str:
@@ -89,46 +98,59 @@ def _relative(right: NDArray[np.floating], found: NDArray[np.floating]) -> float
     return off / scale if scale > 0 else off
 
 
-def _moved(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
+def _moved(operator: ProjectionOperator, device: Device, slabs: int) -> ProjectionOperator:
     """Return an operator on a device, as far as there is one of its kind."""
     if isinstance(operator, Projector):
         return DeviceMatrix(operator, device)
     if isinstance(operator, OnTheFlyProjector):
-        return DeviceProjector(operator, device)
+        many = slabs > 1
+        return DeviceSlabs(operator, device, slabs) if many else DeviceProjector(operator, device)
     if isinstance(operator, AttenuatedProjector):
         clear = DeviceProjector(operator.rays, device)
         return clear.with_absorption(operator.absorption, operator.emission)
-    if isinstance(operator, ComposedProjector | LinearBasis):
+    if isinstance(operator, ComposedProjector | LinearBasis) and slabs == 1:
         inner = operator.rays if isinstance(operator, ComposedProjector) else operator.projector
-        there = _moved(inner, device)
+        there = _moved(inner, device, slabs)
         if isinstance(there, DeviceOperator) and isinstance(operator, LinearBasis):
             return DeviceLinear(there)
         if isinstance(there, DeviceOperator) and isinstance(operator.images, ImageBlur):
             return DeviceComposed(operator.images, there, operator.view_ptr)
-    changed = operator.with_rays(lambda rays: rays if rays is operator else _moved(rays, device))
+    changed = operator.with_rays(
+        lambda rays: rays if rays is operator else _moved(rays, device, slabs)
+    )
     if changed is operator:
         raise DeviceError(f"GPU: found a {type(operator).__name__}, expected rays of cameras")
     return changed
 
 
-def _too_large(operator: ProjectionOperator, device: Device) -> str:
-    """Return why an operator does not fit on a device; nothing where it does."""
-    voxels = operator.grid.size
+def _slabs(operator: ProjectionOperator, device: Device) -> int:
+    """Return into how many slabs a volume is to be cut to fit on a device; 1 where it fits.
+
+    Raises
+    ------
+    DeviceError
+        If it fits in none: rays or stored entries alone are too many, or gas absorbs.
+    """
+    voxels, planes = operator.grid.size, operator.grid.shape[0]
     if voxels > MOST_VOXELS:
-        return f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}: computed on the CPU"
+        raise DeviceError(f"GPU: found {voxels} voxels, expected at most {MOST_VOXELS}")
+    rays = rays_of(operator)
     fixed, each = _bytes_needed(operator)
     free = device.free_bytes()
     if fixed + each * voxels <= free:
-        return ""
+        return 1
     room = max(free - fixed, 0) // each
-    return (
-        f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and {free / 1e9:.2f} "
-        f"GB free; {room} voxels would fit, found {voxels}: computed on the CPU"
+    slabs = -(-planes // max(room // (voxels // planes), 1))  # whole planes
+    if isinstance(rays, OnTheFlyProjector) and room * slabs >= voxels:
+        return slabs
+    raise DeviceError(
+        f"GPU: {device.name}: {(fixed + each * voxels) / 1e9:.2f} GB needed and "
+        f"{free / 1e9:.2f} GB free; {room} voxels would fit, found {voxels}"
     )
 
 
-def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
-    """Return the bytes of an operator with its vectors of one column, and those of each voxel."""
+def rays_of(operator: ProjectionOperator) -> Any:
+    """Return the rays that an operator is composed of; itself where it is rays."""
     rays: Any = operator
 
     def note(found: ProjectionOperator) -> ProjectionOperator:
@@ -137,6 +159,12 @@ def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
         return found
 
     operator.with_rays(note)
+    return rays
+
+
+def _bytes_needed(operator: ProjectionOperator) -> tuple[int, int]:
+    """Return the bytes of an operator with its vectors of one column, and those of each voxel."""
+    rays = rays_of(operator)
     blur = 0 if rays is operator else 128 * rays.shape[0]
     if isinstance(rays, Projector):  # entries, the transpose's, the views'; spans, parts of rows
         return blur + 24 * rays.n_segments + 88 * rays.shape[0], 88

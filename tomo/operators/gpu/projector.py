@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from tomo.grid import VoxelGrid
+from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.absorption import Absorption, depth_around, extinction_on_grid
+from tomo.operators.composition import Change
 from tomo.operators.gpu.device import NOTHING, Device
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.kernels import TOGETHER, together
-from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
 
 BITS = 62
@@ -35,8 +37,9 @@ class DeviceRays:
         Origin, direction, length and weight of each ray.
     is_first : (N,) uint8
         Whether a ray begins a path of light.
-    grid : (4, 3) float64
-        Lower and upper corner, spacing and shape of the grid.
+    grid : (14,) float64
+        Lower and upper corner, spacing and shape of the grid; the planes along x that are walked,
+        the first and the one after the last.
     index, active : (unknowns,) int64, (voxels,) uint8
         The unknowns' voxels, and whether a voxel is one; `NOTHING` where all are.
     most : float
@@ -44,6 +47,8 @@ class DeviceRays:
     gas : tuple
         Medium, extinction, depth outside the grid and ``is_first``, as the kernels take them;
         empty where nothing absorbs.
+    absorption : tuple
+        The absorption and the emission that ``gas`` was made of; empty where nothing absorbs.
     """
 
     rays: Any
@@ -53,6 +58,7 @@ class DeviceRays:
     active: Any
     most: float
     gas: tuple[Any, ...] = ()
+    absorption: tuple[Any, ...] = ()
 
 
 class DeviceProjector(DeviceOperator):
@@ -75,42 +81,46 @@ class DeviceProjector(DeviceOperator):
     """
 
     def __init__(self, projector: OnTheFlyProjector, device: Device) -> None:
-        active = projector.active
-        count = sum(source.ray_count(0, source.n_pixels) for source in projector._sources)
-        self._shared = DeviceRays(
-            device.zeros((count, 8), np.float64),
-            device.zeros((count,), np.uint8),
-            device.array(_numbers_of(projector.grid)),
-            NOTHING if active.index is None else device.array(active.index),
-            NOTHING if active.all else device.array(active.mask.ravel().astype(np.uint8)),
-            0.0,
-        )
-        ptr, most = self._copy_rays(projector, device)
-        self._set(projector, device, replace(self._shared, most=abs(most)), ptr[:-1], ptr[1:])
+        rays, is_first, ptr, most = _copied_rays(projector, device)
+        voxels = _voxels_of(projector.grid, projector.active, device)
+        shared = DeviceRays(rays, is_first, *voxels, abs(most))
+        self._set(projector, device, shared, ptr[:-1], ptr[1:])
         if most > 0:  # the sum itself, from a scale by its bound
-            self._shared = replace(self._shared, most=1.001 * float(self._sums.max(initial=0.0)))
+            self._shared = replace(shared, most=1.001 * self._largest_sum)
 
-    def _copy_rays(
-        self, projector: OnTheFlyProjector, device: Device
-    ) -> tuple[NDArray[np.int64], float]:
-        """Copy the rays; return where each pixel's begin and a bound of the lengths in a voxel.
+    @classmethod
+    def in_slabs(
+        cls, projector: OnTheFlyProjector, device: Device, cuts: Sequence[int]
+    ) -> list[DeviceProjector]:
+        """Return the projectors of slabs of the grid, which share the rays on the device.
 
-        The bound is negative where a weight is.
+        Parameters
+        ----------
+        projector : OnTheFlyProjector
+        device : Device
+        cuts : sequence of int
+            The first plane of each slab along x, and the number of planes.
+
+        Notes
+        -----
+        The images of all slabs add up to those of the whole grid, and their adjoints, one after
+        another, are its adjoint: by its scale, see `DeviceProjector`.
         """
-        ptr, weight, least, at = [np.zeros(1, np.int64)], 0.0, 0.0, 0
-        for _, _, some in projector.some_rays():
-            numbers = np.column_stack([some.origins, some.directions, some.lengths, some.weight])
-            first = np.zeros(len(some), np.uint8)
-            first[some.paths[:-1]] = 1
-            here = slice(at, at + len(some))
-            device.write(self._shared.rays[here], numbers)
-            device.write(self._shared.is_first[here], first)
-            ptr.append(at + some.pixel_ptr[1:])
-            weight += float(np.abs(some.weight).sum())
-            least = min(least, float(some.weight.min(initial=0.0)))
-            at += len(some)
-        diagonal = math.sqrt(float(np.square(projector.grid.spacing).sum()))
-        return np.concatenate(ptr), math.copysign(weight * diagonal, -1.0 if least < 0 else 1.0)
+        rays, is_first, ptr, most = _copied_rays(projector, device)
+        found: list[DeviceProjector] = []
+        for start, stop in itertools.pairwise(cuts):
+            active = _slab_of(projector.active, start, stop)
+            voxels = _voxels_of(projector.grid, active, device, range(start, stop))
+            shared = DeviceRays(rays, is_first, *voxels, abs(most))
+            seen = found[0]._seen[1:3] if found else None
+            slab = cls.__new__(cls)
+            slab._set(projector.through(active), device, shared, ptr[:-1], ptr[1:], seen)
+            found.append(slab)
+        if most > 0:
+            most = 1.001 * max(slab._largest_sum for slab in found)
+            for slab in found:
+                slab._shared = replace(slab._shared, most=most)
+        return found
 
     @classmethod
     def _of(
@@ -132,14 +142,16 @@ class DeviceProjector(DeviceOperator):
         shared: DeviceRays,
         starts: NDArray[np.int64],
         stops: NDArray[np.int64],
+        seen: tuple[Any, ...] | None = None,
     ) -> None:
-        """Take the pixels whose rays are ``starts[p]:stops[p]``, those of ``projector``."""
+        """Take the pixels whose rays are ``starts[p]:stops[p]``, those of ``projector``.
+
+        ``seen`` are both on the device, where they are there already.
+        """
         self.flying, self.device, self._shared = projector, device, shared
         self._starts, self._stops = starts, stops
-        self._seen = (
-            np.int64(len(starts)), device.array(starts), device.array(stops),
-            shared.rays, shared.grid,
-        )  # fmt: skip
+        seen = seen or (device.array(starts), device.array(stops))
+        self._seen = np.int64(len(starts)), *seen, shared.rays, shared.grid
         super().__init__(
             len(starts), projector.grid, projector.view_ptr, np.float32, projector.active
         )
@@ -157,9 +169,29 @@ class DeviceProjector(DeviceOperator):
         return self.flying.n_segments
 
     @property
+    def on_cpu(self) -> OnTheFlyProjector | AttenuatedProjector:
+        """The operator of the same rays on the CPU."""
+        if not self._shared.absorption:
+            return self.flying
+        return AttenuatedProjector(self.flying, *self._shared.absorption)
+
+    def with_rays(self, change: Change) -> DeviceProjector:
+        """Return the operator of other rays: ``change`` takes and returns those of the CPU.
+
+        It is given the rays through transparent gas. Where it returns the same ones, through gas
+        or not, those on the device serve.
+        """
+        found = change(self.flying)
+        if isinstance(found, AttenuatedProjector) and found.rays is self.flying:
+            return self.with_absorption(found.absorption, found.emission)
+        if found is self.flying:
+            return self.without_absorption
+        return DeviceProjector(cast("OnTheFlyProjector", found), self.device)
+
+    @property
     def without_absorption(self) -> DeviceProjector:
         """The operator of the same rays through transparent gas."""
-        shared = replace(self._shared, gas=())
+        shared = replace(self._shared, gas=(), absorption=())
         return self._of(self.flying, self.device, shared, self._starts, self._stops)
 
     def with_absorption(
@@ -188,7 +220,7 @@ class DeviceProjector(DeviceOperator):
             np.float64(absorption.medium), self.device.array(extinction), outside,
             self._shared.is_first,
         )  # fmt: skip
-        shared = replace(self._shared, gas=gas)
+        shared = replace(self._shared, gas=gas, absorption=(absorption, emission))
         return self._of(self.flying, self.device, shared, self._starts, self._stops)
 
     def rows(self, start: int, stop: int) -> DeviceProjector:
@@ -266,15 +298,74 @@ class DeviceProjector(DeviceOperator):
         return self.device.array(np.ascontiguousarray(np.stack(columns, axis=1)))
 
     @property
-    def _sums(self) -> NDArray[np.float32]:
-        """The sums of columns in single precision, by the scale that there is."""
+    def _largest_sum(self) -> float:
+        """The largest sum of a column in single precision, by the scale that there is."""
         ones = self.device.array(np.ones((self.shape[0], 1), np.float32))
-        return self.device.host(self.adjoint(ones))
+        return float(self.device.host(self.adjoint(ones)).max(initial=0.0))
 
 
-def _numbers_of(grid: VoxelGrid) -> NDArray[np.float64]:
-    """Return a grid as the kernels take it, ``(4, 3)``."""
-    return np.stack([grid.lower, grid.upper, grid.spacing, np.asarray(grid.shape, np.float64)])
+def _copied_rays(
+    projector: OnTheFlyProjector, device: Device
+) -> tuple[Any, Any, NDArray[np.int64], float]:
+    """Copy the rays of a projector to a device.
+
+    Returns
+    -------
+    rays, is_first
+        See `DeviceRays`.
+    ptr : (pixels + 1,) int64
+        Where each pixel's rays begin.
+    most : float
+        A bound of the sum of the lengths in a voxel, negative where a weight is.
+    """
+    count = sum(source.ray_count(0, source.n_pixels) for source in projector._sources)
+    rays, is_first = device.zeros((count, 8), np.float64), device.zeros((count,), np.uint8)
+    ptr, weight, least, at = [np.zeros(1, np.int64)], 0.0, 0.0, 0
+    for _, _, some in projector.some_rays():
+        numbers = np.column_stack([some.origins, some.directions, some.lengths, some.weight])
+        first = np.zeros(len(some), np.uint8)
+        first[some.paths[:-1]] = 1
+        here = slice(at, at + len(some))
+        device.write(rays[here], numbers)
+        device.write(is_first[here], first)
+        ptr.append(at + some.pixel_ptr[1:])
+        weight += float(np.abs(some.weight).sum())
+        least = min(least, float(some.weight.min(initial=0.0)))
+        at += len(some)
+    diagonal = math.sqrt(float(np.square(projector.grid.spacing).sum()))
+    most = math.copysign(weight * diagonal, -1.0 if least < 0 else 1.0)
+    return rays, is_first, np.concatenate(ptr), most
+
+
+def _slab_of(active: ActiveVoxels, start: int, stop: int) -> ActiveVoxels:
+    """Return the unknowns in some planes along x, on the grid of these planes alone."""
+    grid = active.grid
+    lower, upper = grid.lower.copy(), grid.upper.copy()
+    lower[0], upper[0] = grid.lower[0] + np.array([start, stop]) * grid.spacing[0]
+    slab = VoxelGrid.from_bounds((stop - start, *grid.shape[1:]), lower, upper)
+    if active.index is None:
+        return ActiveVoxels(slab)
+    plane = grid.shape[1] * grid.shape[2]
+    low, high = np.searchsorted(active.index, [start * plane, stop * plane])
+    return ActiveVoxels(slab, active.index[low:high] - start * plane)
+
+
+def _voxels_of(
+    grid: VoxelGrid, active: ActiveVoxels, device: Device, planes: range | None = None
+) -> tuple[Any, Any, Any]:
+    """Return ``grid``, ``index`` and ``active`` of `DeviceRays`, of a slab with its ``active``."""
+    return (
+        device.array(_numbers_of(grid, planes)),
+        NOTHING if active.index is None else device.array(active.index),
+        NOTHING if active.all else device.array(active.mask.ravel().astype(np.uint8)),
+    )
+
+
+def _numbers_of(grid: VoxelGrid, planes: range | None = None) -> NDArray[np.float64]:
+    """Return a grid as the kernels take it, ``(14,)``, or a slab of it: some planes along x."""
+    planes = range(grid.shape[0]) if planes is None else planes
+    ends = planes.start, planes.stop
+    return np.concatenate([grid.lower, grid.upper, grid.spacing, grid.shape, ends])
 
 
 def _per_unit(most: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -19,9 +19,10 @@ typedef unsigned long long bits;
 #define NEVER 1e300   // later than any ray ends
 #define STILL 1e-300  // voxels per length below which a ray is parallel: as in tomo/rays/ray_box.py
 
-// Lower and upper corner of the box, edges of a voxel, and voxels along x, y, z.
+// Lower and upper corner of the box, edges of a voxel, and voxels along x, y, z. The planes along x
+// that are walked are first to stop (excluded): all, or a slab of them.
 struct Grid {
-    double lower[3], upper[3], spacing[3], shape[3];
+    double lower[3], upper[3], spacing[3], shape[3], first, stop;
 };
 
 // A straight piece of a line of sight in the world: direction is a unit vector, length may be
@@ -59,8 +60,7 @@ __device__ inline void clip(
 
 // The planes of one axis for a ray that enters the box at position, and the voxel that it moves into.
 __device__ inline Axis planes_ahead(
-    double position, double direction, double end, double count, whole stride, whole &voxel) {
-    bool still = direction == 0.0 || position + direction * end == position;  // gets nowhere
+    double position, double direction, bool still, double count, whole stride, whole &voxel) {
     bool back = direction < 0.0 && !still;
     double first = back ? ceil(position) - 1.0 : floor(position);
     first = lesser(greater(first, 0.0), count - 1.0);
@@ -81,6 +81,21 @@ __device__ inline void pass(Axis &axis, whole &voxel) {
     axis.next = axis.passed < axis.last ? (axis.offset + axis.passed) * axis.per_plane : NEVER;
 }
 
+// Move a ray from its entry into the grid to that into the slab; position is then that in the slab.
+// Returns the length in it, of the length in the grid. A ray in a face belongs to the slab above.
+__device__ inline double enter_slab(
+    double *position, const double *direction, bool still, const Grid &grid, double end) {
+    double start = 0.0, count = grid.stop - grid.first;
+    position[0] -= grid.first;
+    if (still) {
+        bool is_below = position[0] < count || (position[0] == count && grid.stop == grid.shape[0]);
+        return position[0] >= 0.0 && is_below ? end : 0.0;
+    }
+    clip(position[0], direction[0], count, start, end);
+    for (int axis = 0; axis < 3; axis++) position[axis] += direction[axis] * start;
+    return end - start;
+}
+
 // Call visit(voxel, time, length) for the pieces of a ray in the voxels of a grid, in their order:
 // the flat number of the voxel, when the ray enters it, and the length in it, above zero. Returns the
 // length in the box, zero for a ray that misses it or is not a number.
@@ -95,12 +110,21 @@ __device__ inline double walk(const Ray &ray, const Grid &grid, Visit visit) {
     }
     double end = stop - start;
     if (!(end > 0.0) || sum != sum) return 0.0;
-    for (int axis = 0; axis < 3; axis++) position[axis] += direction[axis] * start;
-    double nx = grid.shape[0], ny = grid.shape[1], nz = grid.shape[2];
-    whole voxel = 0;
-    Axis x = planes_ahead(position[0], direction[0], end, nx, (whole)ny * (whole)nz, voxel);
-    Axis y = planes_ahead(position[1], direction[1], end, ny, (whole)nz, voxel);
-    Axis z = planes_ahead(position[2], direction[2], end, nz, 1, voxel);
+    bool still[3];  // gets nowhere along an axis
+    for (int axis = 0; axis < 3; axis++) {
+        position[axis] += direction[axis] * start;
+        still[axis] = direction[axis] == 0.0 ||
+                      position[axis] + direction[axis] * end == position[axis];
+    }
+    double count = grid.stop - grid.first;
+    if (count != grid.shape[0]) {
+        end = enter_slab(position, direction, still[0], grid, end);
+        if (!(end > 0.0)) return 0.0;
+    }
+    whole column = (whole)grid.shape[2], plane = (whole)grid.shape[1] * column, voxel = 0;
+    Axis x = planes_ahead(position[0], direction[0], still[0], count, plane, voxel);
+    Axis y = planes_ahead(position[1], direction[1], still[1], grid.shape[1], column, voxel);
+    Axis z = planes_ahead(position[2], direction[2], still[2], grid.shape[2], 1, voxel);
     double now = 0.0;
     for (;;) {
         double next = lesser(lesser(x.next, y.next), lesser(z.next, end));

@@ -158,6 +158,10 @@ class OnTheFlyProjector(ProjectionOperator):
         """Number of segments of rays in voxels; passing an edge counts as two face crossings."""
         return sum(one.segments for one in self._counts)
 
+    def through(self, active: ActiveVoxels) -> OnTheFlyProjector:
+        """Return the projector of the same rays through the voxels of another grid."""
+        return self._of(self._sources, active.grid, self.view_ptr, active)
+
     def rows(self, start: int, stop: int) -> OnTheFlyProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
         return self._some(pixels_between(self._ptr, start, stop), None)

@@ -13,6 +13,7 @@ STUDY = Study(
         "skipping": ("Skipping of what is proved empty", "studies.benchmark.skipping"),
         "plume": ("A real plume", "studies.benchmark.plume"),
         "basis": ("Voxel or linear basis", "studies.benchmark.basis"),
+        "gpu": ("On a GPU", "studies.benchmark.gpu"),
         "scaling": ("Growth with grid and views", "studies.benchmark.scaling"),
         "threads": ("Growth with threads", "studies.benchmark.threads"),
         "startup": ("Start-up and first use", "studies.benchmark.startup"),

@@ -38,12 +38,15 @@ class Request:
         Of everything random.
     data : Path or None
         A folder of real image sets.
+    device : str
+        The GPU of parts that need one.
     progress : Progress
     """
 
     size: str = "full"
     seed: int = 0
     data: Path | None = None
+    device: str = "cuda"
     progress: Progress = field(default=lambda done, total, what: None, compare=False)
 
 
@@ -59,8 +62,9 @@ class Study:
     parts : mapping of str to (str, str)
         Title and module of each part, in their order. The module has the function ``run``, or
         the one named behind a colon, which takes a `Request` and returns `Tables`; ``COLUMNS``,
-        for each table the keys that the page shows; and maybe ``PLOTS``, for each picture a
-        function of the tables. The docstring, of module or function, stands on the page.
+        for each table the keys that the page shows; maybe ``PLOTS``, for each picture a
+        function of the tables; and maybe ``check``, which refuses a request by a ValueError. The
+        docstring, of module or function, stands on the page.
     sizes : tuple of str
     """
 
@@ -105,6 +109,13 @@ def command(study: Study) -> typer.Typer:
         seed: Annotated[
             int, typer.Option(help="Of what is random in the parts that take one.", min=0)
         ] = 0,
+        device: Annotated[
+            str,
+            typer.Option(
+                help="The GPU of the parts that need one: cuda or cuda:N.",
+                hidden="gpu" not in study.parts,
+            ),
+        ] = Request.device,
         json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
     ) -> None:
         with bad_input_in_one_line():
@@ -115,7 +126,9 @@ def command(study: Study) -> typer.Typer:
             check_output_folder(out)
             from studies.common.results import fresh_run, kept_run
 
-            request = Request(size, seed, data)
+            request = Request(size, seed, data, device)
+            for name in part or ():
+                getattr(study.module(name), "check", _accept)(request)
             result = fresh_run(study.name, VERSION, request)
             if resume:
                 result = kept_run(out / f"{study.name}.json", result)
@@ -146,6 +159,11 @@ def _measure(
         if name in result["parts"]:
             continue
         module, loaded, started = study.module(name), load(), time.perf_counter()
+        try:
+            getattr(module, "check", _accept)(request)
+        except ValueError as error:
+            say(f"{name}: left out: {error}")
+            continue
         with progress_of(True, name) as progress:
             tables = study.measure(name, replace(request, progress=progress))
         record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
@@ -162,6 +180,10 @@ def _measure(
         say(f"{len(rows) - missed} of {len(rows)} rows hold")
     say(str(out / f"{study.name}.md"))
     return missed
+
+
+def _accept(request: Request) -> None:
+    """Refuse nothing."""
 
 
 def _stored(tables: Tables) -> Tables:

@@ -1,6 +1,7 @@
 """What is asked for and cannot be: one line, exit code 2, nothing half-written."""
 
 import json
+import sys
 from pathlib import Path
 
 import psutil
@@ -39,18 +40,13 @@ OPTIONS = {
         [word for name in CAMERAS for word in ("--hold-out", name)],
         "hold_out: found all 3 cameras, expected at least one left",
     ),
-    "device of a classic": (
-        ("--method", "sirt", "--device", "cuda"),
-        "expected cpu for method sirt: only wernet and wernet-paper run on others",
+    "device for entries": (
+        ("--method", "art", "--device", "cuda"),
+        "device: found 'cuda', expected cpu or auto for method art: it goes through the matrix's",
     ),
-    "device of auto": (("--device", "cuda"), "device: found 'cuda', expected cpu"),
     "unknown device": (
-        ("--method", "wernet-paper", "--device", "foo"),
-        "device: found 'foo', expected one that this PyTorch can use",
-    ),
-    "unknown device of a comparison": (
-        (*QUICK, "--compare", "wernet-paper:1", "--device", "foo"),
-        "device: found 'foo', expected one that this PyTorch can use",
+        ("--device", "cuda:x"),
+        "device: found 'cuda:x', expected cpu, auto, cuda or cuda:N",
     ),
     "encoder of a classic": (
         ("--method", "sirt", "--encoder", "e.pt"),
@@ -144,6 +140,19 @@ def test_cuda_without_cuda(refused, scan, tmp_path):
     options = ("--method", "wernet-paper", "--device", "cuda")
     line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
     assert "device: found 'cuda', expected one that this PyTorch can use" in line
+
+
+def test_a_gpu_without_the_extra(refused, scan, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    ending = "GPU: found no CuPy, expected it: pip install 'flametomo[gpu]'"
+    for tool, *first in (
+        ("reconstruct", scan, *QUICK),
+        ("reconstruct", scan, *QUICK, "--frames", ":"),
+        ("simulate", "--rig", scan, "--phantom", "jet", *BOX),
+    ):
+        out = tmp_path / ("out.zarr" if "--frames" in first else "out")
+        line = refused(tool, *first, "--device", "cuda", "-o", out)
+        assert line == f"error: device: found 'cuda', expected one that can be used: {ending}"
 
 
 def test_no_grid_anywhere(refused, scan, tmp_path):

@@ -2,6 +2,7 @@
 
 import re
 import sys
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -11,6 +12,8 @@ import rigs
 from tomo.grid import VoxelGrid
 from tomo.operators import Absorption, GaussianBasis, LinearSystem, dot_test
 from tomo.operators.gpu import CudaDevice, DeviceError, DeviceMatrix, DeviceProjector, on_device
+from tomo.operators.gpu.probe import _bytes_needed
+from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.solvers import cgls
 
 GRID = VoxelGrid((9, 8, 10), (1.0, 1.2, 0.9), (3.0, -2.0, 1.0))
@@ -180,3 +183,15 @@ def test_without_a_driver_one_line_says_so(monkeypatch):
     runtime.getDeviceCount = lambda: 1
     with pytest.raises(DeviceError, match=r"^GPU: found no device 2, expected 0 to 0$"):
         CudaDevice(2)
+
+
+def test_the_memory_table_of_the_guide_is_that_of_the_formula():
+    page = Path(__file__).parents[4] / "docs/guide/gpu.md"
+    row = r"\| (\d+)\^3 \| (\d+) \| (\d+) x (\d+) \| ([\d.]+) \|"
+    found = re.findall(row, page.read_text("utf-8"))
+    assert len(found) == 5
+    for voxels, views, width, height, gigabytes in found:
+        grid, size = VoxelGrid((int(voxels),) * 3, 1.0), (int(width), int(height))
+        rig = rigs.ring(int(views), distance=4.0 * grid.shape[0], image_size=size, footprint=1.0)
+        fixed, each = _bytes_needed(OnTheFlyProjector.from_cameras(tuple(rig), None, grid))
+        assert float(gigabytes) == pytest.approx((fixed + each * grid.size) / 1e9, abs=0.051)

@@ -1,0 +1,120 @@
+"""A film on a device: its frames, a device that is lost, a worker's own device."""
+
+import pickle
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from tomo.operators.gpu import DeviceError
+from tomo.series import reconstruct_series
+from tomo.series.run import run_plan
+
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
+
+class Lost(Exception):  # noqa: N818
+    """What CuPy raises where a device is gone."""
+
+
+Lost.__module__ = "cupy_backends.cuda.api.runtime"
+
+
+@pytest.fixture(scope="module")
+def store(film, host, tmp_path_factory, choose_quickly):
+    """Return the film computed on a stand-in for a device, in one go."""
+    import sys
+
+    from host_build import StandIn
+
+    path = tmp_path_factory.mktemp("device") / "out.zarr"
+    with pytest.MonkeyPatch.context() as patch, choose_quickly():
+        patch.setitem(sys.modules, "cupy", StandIn(host))
+        return reconstruct_series(film.scan, path, options=film.options.but(device="auto"))
+
+
+def test_volumes_are_those_of_the_cpu(store, undisturbed):
+    assert store.attributes["place"] == "computed on Stand-in (cuda:0)"
+    assert undisturbed.attributes["place"] == "computed on the CPU"
+    assert store.attributes["plan"]["device"] == "cuda"
+    own, there = undisturbed.group["emission"][:], store.group["emission"][:]
+    off = np.linalg.norm((own - there).ravel()) / np.linalg.norm(own.ravel())
+    assert off < 2e-4  # roundings to single precision, which the solve of noise makes larger
+
+
+def test_the_page_of_a_film_says_where_it_was_computed(store):
+    from tomo.report import write_series_outcome
+
+    report = write_series_outcome(store, with_film=False)
+    assert report["place"] == "computed on Stand-in (cuda:0)"
+    assert report["place"] in Path(report["page"]).read_text("utf-8")
+
+
+def test_a_lost_device_leaves_the_frames_that_are_done(
+    film, cupy, store, tmp_path, monkeypatch, assert_same
+):
+    launch, launched, path = cupy.host.launch, [], tmp_path / "out.zarr"
+    options = film.options.but(device="auto")
+
+    def counting(*arguments):
+        launched.append(arguments[0])
+        launch(*arguments)
+
+    monkeypatch.setattr(cupy, "host", SimpleNamespace(launch=counting))
+    whole = reconstruct_series(film.scan, tmp_path / "whole.zarr", options=options)
+    assert_same(whole, store)
+    left = len(launched) - 5  # the last block's last launches fail
+
+    def failing(*arguments):
+        nonlocal left
+        left -= 1
+        if left < 0:
+            raise Lost("cudaErrorECCUncorrectable: uncorrectable ECC error")
+        launch(*arguments)
+
+    monkeypatch.setattr(cupy, "host", SimpleNamespace(launch=failing))
+    with pytest.raises(DeviceError) as caught:
+        reconstruct_series(film.scan, path, options=options)
+    assert str(caught.value) == (
+        f"{path}: GPU: Stand-in (cuda:0): cudaErrorECCUncorrectable: uncorrectable ECC error; "
+        "8 of 11 frames are complete and stay: the same command goes on"
+    )
+    monkeypatch.setattr(cupy, "host", SimpleNamespace(launch=launch))
+    assert_same(reconstruct_series(film.scan, path, options=options), store)
+
+
+def test_what_began_on_a_device_does_not_go_on_elsewhere(film, store, monkeypatch, tmp_path):
+    import shutil
+    import sys
+
+    path = tmp_path / "out.zarr"
+    shutil.copytree(store.path, path)
+    (path / "complete" / "c" / "1").unlink()  # the last block is to be done again
+    monkeypatch.setitem(sys.modules, "cupy", None)
+    with pytest.raises(ValueError, match=r"plan\.device: found 'cuda' in the store, and now None"):
+        reconstruct_series(film.scan, path, options=film.options.but(device="auto"))
+
+
+@pytest.mark.parametrize(("device", "expected"), [("cuda", "cuda:1"), ("cuda:0", "cuda:0")])
+def test_a_worker_takes_the_device_of_its_number(plan, cupy, monkeypatch, device, expected):
+    from tomo.series.on_worker import pickled, rank_of
+
+    monkeypatch.setattr(cupy.cuda.runtime, "getDeviceCount", lambda: 2)
+    asked = replace(plan, options=plan.options.but(device=device))
+    here = asked.at_device_of(0)
+    sent = pickle.loads(pickled(replace(here, options=asked.options).on_cpu))
+    there = sent.at_device_of(rank_of("3"))
+    assert there.options.device == expected
+    for system in (there.system.built.system, there.system.apart):
+        assert system.projector.device.name == f"Stand-in ({expected})"
+    x = np.random.default_rng(0).random(plan.system.active.size, np.float32)
+    one, other = (each.system.built.system.projector @ x for each in (here, there))
+    assert np.array_equal(one, other)
+    assert rank_of("tcp://127.0.0.1:4000") == 0
+
+
+def test_a_plan_of_the_cpu_stays_there(plan, store):
+    assert plan.at_device_of(3).system.built.system.projector is plan.system.built.system.projector
+    assert run_plan(plan, store) is None  # everything is there: nothing is solved
