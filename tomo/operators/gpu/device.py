@@ -121,7 +121,7 @@ class CudaDevice:
         DeviceError
             If they do not compile, with the compiler's line.
         """
-        with self._used():
+        with self.used():
             self._module(np.dtype(values))
 
     def _compiled(self, values: np.dtype) -> Any:
