@@ -34,6 +34,8 @@ def test_round_trip(tmp_path, suffix, shape, spacing, center, seed):
     found, found_grid, unit = read_volume(path)
     np.testing.assert_array_equal(found, data)
     assert found.dtype == np.float32
+    assert found.grid == found_grid
+    assert found.length_unit == "m"
     assert found_grid.shape == shape
     np.testing.assert_allclose(found_grid.spacing, spacing, rtol=1e-12)
     np.testing.assert_allclose(found_grid.origin, grid.origin, rtol=1e-12, atol=1e-9)

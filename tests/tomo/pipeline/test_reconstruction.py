@@ -82,6 +82,8 @@ def test_where_no_ray_says_anything_the_volume_is_not_a_number_if_asked_for():
         for asked in ("nan", "zero")
     )
     assert np.isnan(marked[unseen]).all()
+    assert marked.grid == found.grid
+    assert marked.total() == pytest.approx(volume[~unseen].sum() * np.prod(found.grid.spacing))
     np.testing.assert_array_equal(marked[~unseen], volume[~unseen])
     np.testing.assert_array_equal(plain, volume)
 
