@@ -103,7 +103,9 @@ def visualize_rig(
         write_rig(path, rig, grid=grid, volume=data, title=title, extra=around)
         return
     pictures = _pictures(rig, images, frame, pattern, note)
-    scene = _with_pictures(rig, grid, shown, pictures) + around
+    # a page draws the light of a volume, a file for 3-D programs its surfaces
+    data = shown.data if shown and suffix == ".glb" else None
+    scene = _with_pictures(rig, grid, data, pictures) + around
     if suffix == ".glb":
         from tomo.draw.write_glb import write_glb
 
@@ -190,10 +192,10 @@ def _pictures(
 
 
 def _with_pictures(
-    rig: Rig, grid: VoxelGrid | None, shown: Volume | None, pictures: dict[str, NDArray]
+    rig: Rig, grid: VoxelGrid | None, volume: NDArray | None, pictures: dict[str, NDArray]
 ) -> Scene:
     """Return the rig's scene with what its cameras saw."""
-    scene = rig_scene(rig, grid, shown.data if shown else None)
+    scene = rig_scene(rig, grid, volume)
     if not pictures:
         return scene
     from tomo.draw.rig.thumbnails import image_scene
@@ -214,6 +216,7 @@ def _write_page(
     close_up: bool = False,
 ) -> None:
     from tomo.draw.rig.camera_view import camera_views
+    from tomo.draw.stage import Shown
     from tomo.draw.write_html import write_html
 
     write_html(
@@ -222,10 +225,9 @@ def _write_page(
         title=title,
         up=up_of(rig),
         grid=grid,
-        volume=volume.data if volume else None,
-        value_unit=volume.value_unit if volume else "",
+        shown=volume and Shown((volume.data,), volume.grid, volume.value_unit),
         views=camera_views(rig, grid, pictures),
         tables=tables,
-        shown=shown,
+        visible=shown,
         close_up=close_up,
     )

@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigs.files import atomic_path
+from tomo.draw.emission import COLOURS, turning_gif
+from tomo.draw.scene import Scene
 from tomo.draw.volume.given import volume_of
+from tomo.draw.volume.isosurface import LEVELS
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -21,19 +26,25 @@ def visualize_volume(
     length_unit: str | None = None,
     value_unit: str | None = None,
     title: str = "",
+    levels: Sequence[float] = (),
+    colours: str = COLOURS,
 ) -> None:
-    """Draw a volume's planes, line integrals and surfaces, as ``flametomo visualize-volume``.
+    """Draw a volume's light, planes and line integrals, as ``flametomo visualize-volume``.
 
     Parameters
     ----------
     path : path-like
-        A .png, .html or .glb file to write.
+        A .png, .html, .glb or .gif file to write; the last turns once around.
     volume : Reconstruction, DataArray, (nx, ny, nz) array or path-like
     grid : VoxelGrid, optional
         Of a bare array.
     length_unit, value_unit : str, optional
         The volume's own when None; mm and none for a bare array.
     title : str
+    levels : sequence of float
+        Up to three parts of the maximum: surfaces are drawn there in place of the light.
+    colours : str
+        A colour map of matplotlib.
 
     Raises
     ------
@@ -49,19 +60,24 @@ def visualize_volume(
     if suffix == ".png":
         from tomo.draw.volume.volume_picture import write_volume_picture
 
-        write_volume_picture(
-            path, own.data, own.grid, length_unit=unit, value_unit=value_unit, title=title
-        )
+        units = {"length_unit": unit, "value_unit": value_unit}
+        looks = {"levels": levels, "colours": colours}
+        write_volume_picture(path, own.data, own.grid, **units, **looks, title=title)
         return
-    from tomo.draw.rig.rig_scene import volume_scene
-    from tomo.draw.volume.isosurface import isosurface_scene
-
-    scene = volume_scene(own.grid, unit) + isosurface_scene(own.data, own.grid, unit)
+    if suffix == ".gif":
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(turning_gif(own.data, own.grid, colours=colours))
+        return
     if suffix == ".glb":
+        from tomo.draw.rig.rig_scene import volume_scene
+        from tomo.draw.volume.isosurface import isosurface_scene
         from tomo.draw.write_glb import write_glb
 
-        write_glb(path, scene)
+        scene = volume_scene(own.grid, unit)
+        write_glb(path, scene + isosurface_scene(own.data, own.grid, unit, levels or LEVELS))
         return
+    from tomo.draw.stage import Shown
     from tomo.draw.write_html import write_html
 
-    write_html(path, scene, title=title, volume=own.data, grid=own.grid, value_unit=value_unit)
+    shown = Shown((own.data,), own.grid, value_unit, colours=colours, levels=tuple(levels))
+    write_html(path, Scene(length_unit=unit), title=title, shown=shown)
