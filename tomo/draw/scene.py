@@ -179,6 +179,14 @@ class Scene:
         """Return the scene with the meshes and labels of both."""
         return replace(self, meshes=self.meshes + other.meshes, labels=self.labels + other.labels)
 
+    def on_black(self) -> Scene:
+        """Return the scene in colours that are seen on black."""
+        return replace(
+            self,
+            meshes=tuple(replace(one, colour=on_black(one.colour)) for one in self.meshes),
+            labels=tuple(replace(one, colour=on_black(one.colour)) for one in self.labels),
+        )
+
     @property
     def groups(self) -> tuple[str, ...]:
         """Names of the groups, in order of appearance."""

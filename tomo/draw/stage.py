@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import base64
 import json
-import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import reduce
 from typing import Any
 
@@ -19,7 +18,7 @@ from tomo.draw.frame import EYE as RIG_EYE
 from tomo.draw.frame import Up
 from tomo.draw.page import embedded, script_safe, small_png
 from tomo.draw.raycast import render
-from tomo.draw.scene import ColourScale, Mesh, Scene, css, on_black
+from tomo.draw.scene import ColourScale, Mesh, Scene, css
 from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.isosurface import LEVELS, coarsened, reference_value
@@ -38,8 +37,9 @@ _ORDER = (
 )  # fmt: skip
 """Layers that come first in the list; the others follow in the order of the scene."""
 
-_MOST_VOXELS = 2_000_000
-"""Of a page's frames together, a byte each: a larger volume is shown by means of blocks."""
+MOST_VOXELS = 8_000_000
+"""Of a page's frames together, four thirds of a byte each: larger volumes are shown by means of
+blocks. Lower: films lose details; higher: pages take long to load."""
 
 _STILL = (480, 480)  # pixels of the picture where the page's script cannot draw
 
@@ -60,6 +60,8 @@ class Shown:
         A colour map of matplotlib.
     levels : tuple of float
         Of surfaces, as parts of the largest value; those shown at first. Empty: light is.
+    whole : VoxelGrid, optional
+        The grid of the volumes before they were made coarser.
     """
 
     frames: Sequence[NDArray]
@@ -68,6 +70,13 @@ class Shown:
     moments: Sequence[tuple[str, float]] = ()
     colours: str = COLOURS
     levels: tuple[float, ...] = ()
+    whole: VoxelGrid | None = None
+
+
+def fitting(volume: NDArray, grid: VoxelGrid, count: int = 1) -> tuple[NDArray, VoxelGrid]:
+    """Return a volume coarse enough that ``count`` of them fit into a page; no NaN is left."""
+    clean = np.nan_to_num(volume, nan=0.0, posinf=0.0, neginf=0.0)
+    return coarsened(clean, grid, max(MOST_VOXELS // count, 1))
 
 
 def stage(
@@ -80,6 +89,7 @@ def stage(
     close_up: bool = False,
     turning: bool = False,
     rays: bool = False,
+    note: str = "",
 ) -> dict[str, Any]:
     """Return what the template of a stage needs: ``data`` as JSON, and a still picture.
 
@@ -99,8 +109,10 @@ def stage(
         Whether the scene turns once when it is opened.
     rays : bool
         Whether pixels of camera images are clicked to see their rays.
+    note : str
+        Stands below the controls.
     """
-    up = up or Up()
+    up, scene = up or Up(), scene.on_black()
     if shown is not None:
         grid = shown.grid
     bounds = np.stack([grid.lower, grid.upper]) if grid is not None and shown else scene.bounds
@@ -111,7 +123,7 @@ def stage(
     zooms = _zooms(bounds - origin, grid, "cameras" in scene.groups)
     lone = "cameras" not in scene.groups
     azimuth, elevation = EYE if lone else RIG_EYE
-    volume, note = _volume(shown, origin, scene.length_unit, up) if shown else (None, "")
+    volume, coarser = _volume(shown, origin, scene.length_unit, up) if shown else (None, "")
     layers = _layers(scene, visible, shown, rays)
     data = {
         "meshes": [part for group in scene.groups for part in _meshes(scene, group, origin)],
@@ -121,7 +133,7 @@ def stage(
                 "layer": label.group,
                 "position": (label.position - origin).tolist(),
                 "outward": label.outward.tolist(),
-                "colour": css(on_black(label.colour)),
+                "colour": css(label.colour),
             }
             for label in scene.labels
         ],
@@ -137,7 +149,7 @@ def stage(
         "elevation": elevation,
         "reach": float(np.linalg.norm(np.ptp(bounds, axis=0))),
         "turning": turning,
-        "note": note,
+        "note": f"{note} {coarser}".strip(),
     }
     on = {layer["name"] for layer in layers if layer["visible"]}
     box = np.array(zooms[data["zoom"]]["box"]) + origin
@@ -147,15 +159,14 @@ def stage(
 
 def _volume(shown: Shown, origin: NDArray, unit: str, up: Up) -> tuple[dict[str, Any], str]:
     """Return the frames as bytes on one scale, and words on what was made coarser or cut."""
-    most = max(_MOST_VOXELS // len(shown.frames), 1)
-    small = [coarsened(np.nan_to_num(one), shown.grid, most) for one in shown.frames]
-    grid = small[0][1]
+    small = [fitting(one, shown.grid, len(shown.frames)) for one in shown.frames]
+    whole, grid = shown.whole or shown.grid, small[0][1]
     highest = max(reference_value(frame) for frame, _ in small) or 1.0
     full = max(brightest_integral(frame, grid, up) for frame, _ in small)
     words = ""
-    if grid != shown.grid:
-        whole, shape = (" x ".join(map(str, one.shape)) for one in (shown.grid, grid))
-        words = f"Shown on {shape} voxels, means of blocks of the volume's {whole}."
+    if grid != whole:
+        fine, shape = (" x ".join(map(str, one.shape)) for one in (whole, grid))
+        words = f"Shown on {shape} voxels, means of blocks of the volume's {fine}."
     return {
         "shape": grid.shape,
         "lower": (grid.lower - origin).tolist(),
@@ -182,7 +193,7 @@ def _layers(
     for group in scene.groups:
         parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
         scale = next((part.scale for part in parts if isinstance(part, Mesh) and part.scale), None)
-        colours = list(dict.fromkeys(css(on_black(part.colour)) for part in parts))
+        colours = list(dict.fromkeys(css(part.colour) for part in parts))
         layers.append(
             {
                 "name": group,
@@ -218,7 +229,7 @@ def _meshes(scene: Scene, group: str, origin: NDArray) -> list[dict[str, Any]]:
             "group": group,
             "names": [mesh.name for mesh in alike],
             "counts": [len(mesh.vertices) for mesh in alike],
-            "colour": on_black(whole.colour),
+            "colour": whole.colour,
             "opacity": whole.opacity,
             "vertices": _base64((whole.vertices - origin).astype(np.float32)),
             "triangles": _base64(whole.triangles.astype(np.uint32)),
@@ -254,10 +265,9 @@ def _still(
     viewpoint = Viewpoint.framing(
         box_corners(*box), up.eye_direction(*eye), up.vector, _STILL, distance=6
     )
-    meshes = tuple(replace(mesh, colour=on_black(mesh.colour)) for mesh in scene.meshes)
-    picture = render(replace(scene, meshes=meshes), viewpoint, 1, (0.0, 0.0, 0.0))
+    picture = render(scene, viewpoint, 1, (0.0, 0.0, 0.0))
     if shown is not None:
-        data, grid = coarsened(np.nan_to_num(shown.frames[0]), shown.grid, _MOST_VOXELS)
+        data, grid = fitting(shown.frames[0], shown.grid)
         scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.colours)
         picture = picture + scale(emission_image(data, grid, viewpoint))
     return np.clip(255 * picture, 0, 255).astype(np.uint8)

@@ -98,9 +98,9 @@ def visualize_rig(
     if suffix == ".png":
         from tomo.draw.rig.rig_picture import write_rig
 
-        data = shown.data if shown else None
         around = around.without("other names")  # the first rig has the same
-        write_rig(path, rig, grid=grid, volume=data, title=title, extra=around)
+        data, unit = (shown.data, shown.value_unit) if shown else (None, "")
+        write_rig(path, rig, grid, data, title=title, extra=around, value_unit=unit)
         return
     pictures = _pictures(rig, images, frame, pattern, note)
     # a page draws the light of a volume, a file for 3-D programs its surfaces

@@ -1,19 +1,21 @@
-"""A volume's picture for print: middle planes, line integrals and surfaces, all to scale."""
+"""A volume's picture for print: its light, middle planes and line integrals, all to scale."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
+from tomo.draw.emission import COLOURS, EYE, of_integral
 from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure, short_numbers, with_unit
 from tomo.draw.rig.rig_scene import volume_scene
+from tomo.draw.scene import Scene
 from tomo.draw.shapes import box_corners
-from tomo.draw.still import show_scene
+from tomo.draw.still import show_light, show_scene
 from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.isosurface import isosurface_scene
 from tomo.draw.volume.planes import (
@@ -30,7 +32,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DPI = 200
-_COLOURS = "inferno"
 _THIN = 0.2  # inches: a plane, of few voxels, with no room for words inside or numbers along it
 _SHORTEST_BAR = 0.7  # inches
 _BAR = 0.55  # inches: a colour scale between two pictures
@@ -45,8 +46,10 @@ def draw_volume(
     value_unit: str = "",
     title: str = "",
     supersample: int = 3,
+    levels: Sequence[float] = (),
+    colours: str = COLOURS,
 ) -> Figure:
-    """Return the figure: three middle planes, three line integrals, and surfaces.
+    """Return the figure: the volume's light, three middle planes and three line integrals.
 
     Planes and integrals stand like the views of a technical drawing and share one scale.
 
@@ -62,7 +65,11 @@ def draw_volume(
     title : str
         Stands above the picture.
     supersample : int
-        Rays along each side of a pixel, for the surfaces.
+        Rays along each side of a pixel, for surfaces.
+    levels : sequence of float
+        Up to three parts of the maximum: surfaces are drawn there in place of the light.
+    colours : str
+        A colour map of matplotlib.
 
     Raises
     ------
@@ -81,7 +88,7 @@ def draw_volume(
     drawn = min(height - 1.75, 3.3 * block_height / block_width) / block_height  # inches a unit
     block = max(block_width * drawn, 1.2)
     top, gap, left = 0.95, 0.30, 0.62
-    lone = 3.3
+    lone = 3.0
     planes, integrals = middle_planes(data, grid), line_integrals(data, grid)
     # Seen along its longest edge, a flame is far brighter than from the side, and along an edge
     # of a voxel far fainter.
@@ -99,20 +106,18 @@ def draw_volume(
     values = f"values {data.min():.3g} to {data.max():.3g} {value_unit}".strip()
     words = f"{sizes} {length_unit}, {counts} voxels, {values}"
     figure.text(**place, y=1 - 0.47 / height, s=words, fontsize=8, color=MUTED)
-    corner = (left, height - top)
+    panel = (0.12, 0.15, lone, height - 0.82)
+    _perspective(figure, panel, data, grid, length_unit, value_unit, levels, colours, supersample)
+    corner = (lone + left, height - top)
     names = [
         f"{frame.NAMES[across]} = {coordinate(at, span)}" for _, (*_, across), span, at in planes
     ]
     _block(figure, corner, drawn, (gap, gap), planes, names, "Middle planes",
-           with_unit("emission", value_unit), length_unit, (1, 1, 1))  # fmt: skip
-    corner = (left + pitch, height - top)
+           with_unit("emission", value_unit), length_unit, (1, 1, 1), colours)  # fmt: skip
+    corner = (lone + left + pitch, height - top)
     names = [f"along {frame.NAMES[across]}" for _, (*_, across), _, _ in integrals]
     _block(figure, corner, drawn, (gap + more, gap), integrals, names, "Line integrals",
-           _of_integral(value_unit, length_unit), length_unit, scales)  # fmt: skip
-    x = width - lone - 0.05
-    _surfaces(figure, (x, 0.15, lone, height - top - 0.15), data, grid, length_unit, supersample)
-    figure.text(x / width, 1 - (top - 0.16) / height, "Surfaces at 15, 40 and 70 % of the maximum",
-                fontsize=8.5, color=INK, va="center")  # fmt: skip
+           of_integral(value_unit, length_unit), length_unit, scales, colours)  # fmt: skip
     return figure
 
 
@@ -124,18 +129,11 @@ def write_volume_picture(
     length_unit: str = "mm",
     value_unit: str = "",
     title: str = "",
-    supersample: int = 3,
+    **looks: Any,
 ) -> None:
     """Write `draw_volume`'s figure as a PNG file."""
-    figure = draw_volume(
-        data,
-        grid,
-        length_unit=length_unit,
-        value_unit=value_unit,
-        title=title,
-        supersample=supersample,
-    )
-    save_figure(figure, path)
+    units = {"length_unit": length_unit, "value_unit": value_unit}
+    save_figure(draw_volume(data, grid, **units, title=title, **looks), path)
 
 
 def _block(
@@ -149,6 +147,7 @@ def _block(
     quantity: str,
     length_unit: str,
     scales: tuple[int, int, int],
+    colours: str,
 ) -> None:
     """Draw three views that share their axes; ``corner`` is the upper left, in inches.
 
@@ -175,7 +174,7 @@ def _block(
         axes = figure.add_axes((x / width, y / height, w / width, h / height))
         images.append(
             show_plane(
-                axes, picture, length_unit, lowest=lowest, highest=highest, colours=_COLOURS
+                axes, picture, length_unit, lowest=lowest, highest=highest, colours=colours
             )
         )
         few_ticks(axes, w, h)
@@ -197,12 +196,6 @@ def _block(
         bar.yaxis.set_major_locator(MaxNLocator(max(2, int(tall / 0.35))))
         short_numbers(bar)
     figure.text(x0 / width, (y0 + 0.16) / height, heading, fontsize=8.5, color=INK, va="center")
-
-
-def _of_integral(value_unit: str, length_unit: str) -> str:
-    """Return the unit of integrals along a line."""
-    unit = value_unit.removesuffix(f" per {length_unit}")
-    return unit if unit != value_unit else f"{value_unit or 'emission'} × {length_unit}"
 
 
 def _named(axes: Axes, words: str, thin: bool) -> None:
@@ -228,23 +221,37 @@ def _range(pictures: list) -> tuple[float, float]:
     return lowest, highest if highest > lowest else lowest + 1.0
 
 
-def _surfaces(
-    figure: Figure, rect: tuple, data: NDArray, grid: VoxelGrid, length_unit: str, supersample: int
+def _perspective(
+    figure: Figure,
+    rect: tuple,
+    data: NDArray,
+    grid: VoxelGrid,
+    length_unit: str,
+    value_unit: str,
+    levels: Sequence[float],
+    colours: str,
+    supersample: int,
 ) -> None:
-    """Draw the volume's surfaces in its box; ``rect`` in inches."""
+    """Draw the volume's light, or surfaces, in its box; ``rect`` in inches."""
     width, height = figure.get_size_inches()
     x, y, w, h = rect
     axes = figure.add_axes((x / width, y / height, w / width, h / height))
     axes.set_axis_off()
-    scene = volume_scene(grid, length_unit) + isosurface_scene(data, grid, length_unit)
-    up = frame.Up()
-    viewpoint = Viewpoint.framing(
-        box_corners(*scene.bounds),
-        up.eye_direction(*frame.EYE),
-        up.vector,
-        (round(w * figure.dpi), round(h * figure.dpi)),
-        margins=(0.2, 0.12, 0.02, 0.14),
-        distance=5,
-    )
+    up, size = frame.Up(), (round(w * figure.dpi), round(h * figure.dpi))
     bounds = np.stack([grid.lower, grid.upper])
-    show_scene(axes, scene, viewpoint, bounds, up, supersample)
+    viewpoint = Viewpoint.framing(
+        box_corners(*bounds), up.eye_direction(*EYE), up.vector, size,
+        margins=(0.24, 0.08, 0.03, 0.12), distance=6,
+    )  # fmt: skip
+    box = volume_scene(grid, length_unit)
+    if levels:
+        scene = box + isosurface_scene(data, grid, length_unit, levels)
+        show_scene(axes, scene, viewpoint, bounds, up, supersample)
+        words = ", ".join(f"{100 * level:g}" for level in levels)
+        axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
+                  va="top", transform=axes.transAxes)  # fmt: skip
+    else:
+        show_light(
+            axes, data, grid, Scene(length_unit=length_unit), viewpoint, bounds, up=up,
+            supersample=supersample, value_unit=value_unit, colours=colours,
+        )  # fmt: skip
