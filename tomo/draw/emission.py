@@ -79,7 +79,8 @@ def brightest_integral(data: NDArray, grid: VoxelGrid, up: Up) -> float:
     if not (most > 0 and math.isfinite(most)):
         return 1.0
     power = 10.0 ** math.floor(math.log10(most))
-    return next(n * power for n in (1.0, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10) if n * power >= most)
+    steps = np.array([1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10]) * power
+    return float(steps[min(np.searchsorted(steps, most), len(steps) - 1)])
 
 
 def of_integral(value_unit: str, length_unit: str) -> str:
@@ -93,7 +94,11 @@ def of_integral(value_unit: str, length_unit: str) -> str:
 
 
 def eye_of(
-    grid: VoxelGrid, size: tuple[int, int], azimuth: float = EYE[0], up: Up | None = None
+    grid: VoxelGrid,
+    size: tuple[int, int],
+    azimuth: float = EYE[0],
+    up: Up | None = None,
+    margins: tuple[float, float, float, float] = (0.03, 0.03, 0.03, 0.03),
 ) -> Viewpoint:
     """Return the viewpoint from which the box fills a picture as it turns about the upward axis.
 
@@ -105,6 +110,8 @@ def eye_of(
     azimuth : float
         Degrees.
     up : Up, optional
+    margins : (left, right, top, bottom)
+        Fractions of the width and the height that stay free.
     """
     up = up or Up()
     toward = up.eye_direction(azimuth, EYE[1])
@@ -117,9 +124,7 @@ def eye_of(
         ring = reach.copy()
         ring[:, first], ring[:, second] = around * np.cos(angle), around * np.sin(angle)
         corners = np.vstack([corners, ring])
-    return Viewpoint.framing(
-        corners + grid.center, toward, up.vector, size, margins=(0.03,) * 4, distance=6
-    )
+    return Viewpoint.framing(corners + grid.center, toward, up.vector, size, margins, distance=6)
 
 
 def turning_gif(

@@ -18,6 +18,18 @@ from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
+    """Return axes whose data coordinates are the pixels of the finished picture, and its size."""
+    axes = figure.add_axes(rect)
+    width, height = (
+        round(fraction * inches * figure.dpi)
+        for fraction, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
+    )
+    axes.set_axis_off()
+    return axes, (width, height)
 
 
 def show_scene(
@@ -87,14 +99,18 @@ def show_light(
     supersample: int = 3,
     value_unit: str = "",
     colours: str = COLOURS,
+    full: float | None = None,
 ) -> LabelPlacer:
-    """Draw a volume's light and a scene on black, with axes round ``bounds`` and a colour bar."""
-    full = brightest_integral(data, grid, up)
+    """Draw a volume's light and a scene on black, with axes round ``bounds`` and a colour bar.
+
+    ``full`` is the end of the colours; `brightest_integral` when None.
+    """
+    full = full or brightest_integral(data, grid, up)
     scale = ColourScale(of_integral(value_unit, scene.length_unit), 0.0, full, colours)
     light = scale(emission_image(data, grid, viewpoint))
     placer = show_scene(axes, scene, viewpoint, bounds, up, supersample, light)
-    width, height = viewpoint.size
-    tall, dpi = 0.42 * height, axes.figure.dpi
+    dpi = axes.figure.dpi
+    tall = 0.3 * viewpoint.size[1]
     bar = axes.inset_axes((0.1 * dpi, 0.34 * dpi, 0.09 * dpi, tall), transform=axes.transData)
     ramp = scale(np.linspace(full, 0, 256))[:, None]
     bar.imshow(ramp, aspect="auto", extent=(0, 1, 0, full))

@@ -14,7 +14,10 @@ MOST_FRAMES = 60
 
 
 def film_of(
-    moments: Iterable[tuple[str, float, NDArray]], count: int, grid: VoxelGrid, value_unit: str = ""
+    moments: Iterable[tuple[str, float, NDArray]],
+    count: int,
+    grid: VoxelGrid,
+    value_unit: str = "",
 ) -> Shown:
     """Return the film that a page shows.
 

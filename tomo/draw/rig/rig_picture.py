@@ -25,7 +25,7 @@ from tomo.draw.rig.rig_scene import (
 )
 from tomo.draw.scene import Colour, Scene
 from tomo.draw.shapes import box_corners
-from tomo.draw.still import show_light, show_scene, write_names
+from tomo.draw.still import panel, show_light, show_scene, write_names
 from tomo.draw.viewpoint import Viewpoint
 from tomo.grid import VoxelGrid
 
@@ -106,17 +106,6 @@ def write_rig(
     save_figure(draw_rig(rig, grid, volume, title, supersample, extra, value_unit), path)
 
 
-def _panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
-    """Return axes whose data coordinates are the pixels of the finished picture."""
-    axes = figure.add_axes(rect)
-    width, height = (
-        round(fraction * inches * figure.dpi)
-        for fraction, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
-    )
-    axes.set_axis_off()
-    return axes, (width, height)
-
-
 def _overview(
     figure: Figure,
     rect: tuple,
@@ -127,7 +116,7 @@ def _overview(
     supersample: int,
 ) -> tuple[Axes, Viewpoint]:
     """Draw the whole rig and return the viewpoint."""
-    axes, size = _panel(figure, rect)
+    axes, size = panel(figure, rect)
     whole = scene.without("arrows", "arrow names", "field of view")
     target = Target.of(rig, grid)
     typical = typical_distance(rig, target)
@@ -159,7 +148,7 @@ def _closeup(
     value_unit: str,
 ) -> Axes:
     """Draw the box of voxels, what is in it, and from where it is seen."""
-    axes, size = _panel(figure, rect)
+    axes, size = panel(figure, rect)
     near = scene.only(_NEAR)
     bounds = near.without("field of view").bounds
     if not _field_fits(near):
@@ -169,7 +158,7 @@ def _closeup(
         up.eye_direction(*frame.EYE),
         up.vector,
         size,
-        margins=(0.13, 0.09, 0.03, 0.09),
+        margins=(0.13 if volume is None else 0.21, 0.09, 0.03, 0.09),
         distance=5,
     )
     if volume is None:
