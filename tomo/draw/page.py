@@ -49,6 +49,16 @@ def small_png(picture: NDArray[np.uint8], colours: int = 96) -> bytes:
     return buffer.getvalue()
 
 
+def indexed_png(steps: NDArray[np.uint8], colours: NDArray) -> bytes:
+    """Return numbers of colours ``(rows, columns)``, and the colours in 0..1, as a PNG."""
+    from PIL import Image
+
+    image, buffer = Image.fromarray(steps), io.BytesIO()
+    image.putpalette(np.round(255 * colours).astype(np.uint8).tobytes())
+    image.save(buffer, "png", optimize=True)
+    return buffer.getvalue()
+
+
 def script_safe(text: str) -> str:
     """Return JSON escaped for a script element: nothing in it ends the element."""
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _DPI = 200
-_HEIGHT, _SIGHT = 4.9, 4.1  # inches of the picture, and of the light's width
+_HEIGHT = 4.9  # inches of the picture
 
 
 def draw_volume(
@@ -71,7 +71,9 @@ def draw_volume(
     data = np.nan_to_num(np.asarray(data, np.float32), nan=0.0, posinf=0.0, neginf=0.0)
     wide, tall = grid.extent[[0, 2, 0]], grid.extent[[1, 1, 2]]
     inches = min(4.2 / wide.sum(), (_HEIGHT - 1.95) / tall.max())
-    size = _SIGHT + 0.2 + row_size(grid, inches)[0], _HEIGHT
+    across = float(np.hypot(*grid.extent[[0, 2]]) / grid.extent[1])
+    sight = min(max(3.2 * across + 1.9, 2.6), 5.0)  # inches of the light's width
+    size = sight + 0.2 + row_size(grid, inches)[0], _HEIGHT
     figure = new_figure(*size, dpi=_DPI)
     place = {"x": 0.12 / size[0], "va": "center", "parse_math": False}
     figure.text(
@@ -82,7 +84,7 @@ def draw_volume(
     values = f"values {data.min():.3g} to {data.max():.3g} {value_unit}".strip()
     words = f"{sizes} {length_unit}, {counts} voxels, {values}"
     figure.text(**place, y=1 - 0.47 / _HEIGHT, s=words, fontsize=8, color=MUTED)
-    rect = (0.12 / size[0], 0.12 / _HEIGHT, _SIGHT / size[0], 1 - 0.8 / _HEIGHT)
+    rect = (0.12 / size[0], 0.12 / _HEIGHT, sight / size[0], 1 - 0.8 / _HEIGHT)
     axes, pixels = panel(figure, rect)
     up, bounds = frame.Up(), np.stack([grid.lower, grid.upper])
     viewpoint = Viewpoint.framing(
@@ -104,7 +106,7 @@ def draw_volume(
     scale = ColourScale(
         with_unit("emission", value_unit), lowest, highest if highest > lowest else 1.0, colours
     )
-    corner = _SIGHT + 0.2, _HEIGHT - 0.55
+    corner = sight + 0.2, _HEIGHT - 0.55
     planes_row(
         figure, corner, inches, data, grid, scale, heading="Middle planes", length_unit=length_unit
     )
