@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import math
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,44 @@ beside a flame."""
 _FINE_PIXELS, _MOST_VOXELS = 3.0, 16_000_000
 """Pixels that a voxel may be wide before it is divided, unless there were more voxels then: wider
 ones show their edges, narrower ones cost time."""
+
+
+@dataclass(frozen=True)
+class Looks:
+    """How a volume is drawn.
+
+    Attributes
+    ----------
+    levels : tuple of float
+        Up to three parts of the maximum: surfaces are drawn there in place of the light.
+    colours : str
+        A colour map of matplotlib.
+
+    Raises
+    ------
+    ValueError
+        If a level is not between 0 and 1, there are more than three, or no colour map is so named.
+    """
+
+    levels: tuple[float, ...] = ()
+    colours: str = COLOURS
+
+    def __post_init__(self) -> None:
+        """Check both."""
+        if len(self.levels) > 3 or not all(0 < level < 1 for level in self.levels):
+            found = ", ".join(f"{level:g}" for level in self.levels)
+            raise ValueError(f"level: found {found}, expected up to three numbers between 0 and 1")
+        if self.colours != COLOURS:
+            from matplotlib import colormaps
+
+            if self.colours not in colormaps:
+                raise ValueError(
+                    f"colormap: found {self.colours!r}, expected one of matplotlib's, like inferno"
+                )
+
+
+LIGHT = Looks()
+"""Light in the usual colours."""
 
 
 def emission_image(data: NDArray, grid: VoxelGrid, viewpoint: Viewpoint) -> NDArray[np.float32]:

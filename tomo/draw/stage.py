@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from tomo.draw.emission import COLOURS, EYE, brightest_integral, emission_image, of_integral
+from tomo.draw.emission import EYE, LIGHT, Looks, brightest_integral, emission_image, of_integral
 from tomo.draw.figures import with_unit
 from tomo.draw.frame import EYE as RIG_EYE
 from tomo.draw.frame import Up
@@ -56,10 +56,8 @@ class Shown:
         Empty if unknown.
     moments : sequence of (label, position)
         For each frame of a film; the position along the time axis is 0 to 1.
-    colours : str
-        A colour map of matplotlib.
-    levels : tuple of float
-        Of surfaces, as parts of the largest value; those shown at first. Empty: light is.
+    looks : Looks
+        What is shown at first.
     whole : VoxelGrid, optional
         The grid of the volumes before they were made coarser.
     """
@@ -68,8 +66,7 @@ class Shown:
     grid: VoxelGrid
     value_unit: str = ""
     moments: Sequence[tuple[str, float]] = ()
-    colours: str = COLOURS
-    levels: tuple[float, ...] = ()
+    looks: Looks = LIGHT
     whole: VoxelGrid | None = None
 
 
@@ -177,8 +174,8 @@ def _volume(shown: Shown, origin: NDArray, unit: str, up: Up) -> tuple[dict[str,
         ],
         "highest": highest,
         "full": full,
-        "levels": shown.levels or LEVELS[1:2],
-        "colours": _palette(shown.colours),
+        "levels": shown.looks.levels or LEVELS[1:2],
+        "colours": _palette(shown.looks.colours),
         "unit": shown.value_unit,
         "quantity": with_unit("emission", shown.value_unit),
         "integral_unit": of_integral(shown.value_unit, unit),
@@ -207,8 +204,8 @@ def _layers(
     plain = {"visible": False, "gradient": True, "exclusive": False}
     if shown:
         names = ("light", "surfaces", "plane x", "plane y", "plane z")
-        own = [{**plain, "name": name, "colours": _steps(shown.colours)} for name in names]
-        first = 1 if shown.levels else 0
+        own = [{**plain, "name": name, "colours": _steps(shown.looks.colours)} for name in names]
+        first = 1 if shown.looks.levels else 0
         own[first]["visible"] = not any(group.startswith(MAP) for group in visible)
         layers += own
     if rays:
@@ -268,7 +265,7 @@ def _still(
     picture = render(scene, viewpoint, 1, (0.0, 0.0, 0.0))
     if shown is not None:
         data, grid = fitting(shown.frames[0], shown.grid)
-        scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.colours)
+        scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.looks.colours)
         picture = picture + scale(emission_image(data, grid, viewpoint))
     return np.clip(255 * picture, 0, 255).astype(np.uint8)
 

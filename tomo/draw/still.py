@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.emission import COLOURS, brightest_integral, emission_image, of_integral
+from tomo.draw.emission import LIGHT, Looks, brightest_integral, emission_image, of_integral
 from tomo.draw.figures import INK, LIGHT_INK, LIGHT_MUTED, MUTED
 from tomo.draw.labels import LabelPlacer
 from tomo.draw.raycast import render
@@ -98,15 +98,24 @@ def show_light(
     up: frame.Up,
     supersample: int = 3,
     value_unit: str = "",
-    colours: str = COLOURS,
+    looks: Looks = LIGHT,
     full: float | None = None,
 ) -> LabelPlacer:
     """Draw a volume's light and a scene on black, with axes round ``bounds`` and a colour bar.
 
-    ``full`` is the end of the colours; `brightest_integral` when None.
+    Surfaces on white where the looks ask for them. ``full`` is the end of the colours,
+    `brightest_integral` when None.
     """
+    if looks.levels:
+        from tomo.draw.volume.isosurface import isosurface_scene
+
+        scene = isosurface_scene(data, grid, scene.length_unit, looks.levels) + scene
+        words = ", ".join(f"{100 * level:g}" for level in looks.levels)
+        axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
+                  va="top", transform=axes.transAxes)  # fmt: skip
+        return show_scene(axes, scene, viewpoint, bounds, up, supersample)
     full = full or brightest_integral(data, grid, up)
-    scale = ColourScale(of_integral(value_unit, scene.length_unit), 0.0, full, colours)
+    scale = ColourScale(of_integral(value_unit, scene.length_unit), 0.0, full, looks.colours)
     light = scale(emission_image(data, grid, viewpoint))
     placer = show_scene(axes, scene, viewpoint, bounds, up, supersample, light)
     dpi = axes.figure.dpi

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.draw import frame
+from tomo.draw.emission import LIGHT, Looks
 from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.draw.rig.rig_scene import (
     Target,
@@ -46,6 +47,7 @@ def draw_rig(
     supersample: int = 3,
     extra: Scene | None = None,
     value_unit: str = "",
+    looks: Looks = LIGHT,
 ) -> Figure:
     """Return the figure: the rig at true scale on the left, the volume close up on the right.
 
@@ -64,6 +66,8 @@ def draw_rig(
         What else to draw into the whole rig: another one, targets.
     value_unit : str
         Of the volume's values; empty if unknown.
+    looks : Looks
+        Of the volume.
 
     Raises
     ------
@@ -80,7 +84,9 @@ def draw_rig(
     overview, viewpoint = _overview(figure, left, rig, grid, scene, up, supersample)
     if grid is not None:
         right = (0.64, 0.075, 0.352, 0.835)
-        closeup = _closeup(figure, right, rig, scene, up, supersample, grid, volume, value_unit)
+        closeup = _closeup(
+            figure, right, rig, scene, up, supersample, grid, volume, value_unit, looks
+        )
         _magnifier(
             figure, overview, closeup, viewpoint.project(box_corners(grid.lower, grid.upper))
         )
@@ -101,9 +107,10 @@ def write_rig(
     supersample: int = 3,
     extra: Scene | None = None,
     value_unit: str = "",
+    looks: Looks = LIGHT,
 ) -> None:
     """Write `draw_rig`'s figure as a PNG file."""
-    save_figure(draw_rig(rig, grid, volume, title, supersample, extra, value_unit), path)
+    save_figure(draw_rig(rig, grid, volume, title, supersample, extra, value_unit, looks), path)
 
 
 def _overview(
@@ -146,6 +153,7 @@ def _closeup(
     grid: VoxelGrid,
     volume: NDArray | None,
     value_unit: str,
+    looks: Looks,
 ) -> Axes:
     """Draw the box of voxels, what is in it, and from where it is seen."""
     axes, size = panel(figure, rect)
@@ -166,7 +174,7 @@ def _closeup(
     else:
         placer = show_light(
             axes, volume, grid, near, viewpoint, bounds, up=up, supersample=supersample,
-            value_unit=value_unit,
+            value_unit=value_unit, looks=looks,
         )  # fmt: skip
     if len(rig) <= _NAMES_CLOSE_UP:
         write_names(placer, near, viewpoint, 6.5)

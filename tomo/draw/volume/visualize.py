@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigs.files import atomic_path
-from tomo.draw.emission import COLOURS, turning_gif
+from tomo.draw.emission import LIGHT, Looks, turning_gif
 from tomo.draw.scene import Scene
+from tomo.draw.suffixes import TURNING, suffix_of
 from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS
 from tomo.grid import VoxelGrid
@@ -26,8 +26,7 @@ def visualize_volume(
     length_unit: str | None = None,
     value_unit: str | None = None,
     title: str = "",
-    levels: Sequence[float] = (),
-    colours: str = COLOURS,
+    looks: Looks = LIGHT,
 ) -> None:
     """Draw a volume's light, planes and line integrals, as ``flametomo visualize-volume``.
 
@@ -41,19 +40,15 @@ def visualize_volume(
     length_unit, value_unit : str, optional
         The volume's own when None; mm and none for a bare array.
     title : str
-    levels : sequence of float
-        Up to three parts of the maximum: surfaces are drawn there in place of the light.
-    colours : str
-        A colour map of matplotlib.
+    looks : Looks
+        Surfaces in place of the light, other colours.
 
     Raises
     ------
     ValueError
         If the suffix is another, or the volume has no grid or no finite value.
     """
-    from tomo.draw.suffixes import suffix_of
-
-    suffix, own = suffix_of(path), volume_of(volume, grid)
+    suffix, own = suffix_of(path, TURNING), volume_of(volume, grid)
     unit = length_unit or own.length_unit or "mm"
     value_unit = own.value_unit if value_unit is None else value_unit
     title = title or Path(path).stem
@@ -61,12 +56,11 @@ def visualize_volume(
         from tomo.draw.volume.volume_picture import write_volume_picture
 
         units = {"length_unit": unit, "value_unit": value_unit}
-        looks = {"levels": levels, "colours": colours}
-        write_volume_picture(path, own.data, own.grid, **units, **looks, title=title)
+        write_volume_picture(path, own.data, own.grid, **units, title=title, looks=looks)
         return
-    if suffix == ".gif":
+    if suffix == TURNING:
         with atomic_path(path) as temporary:
-            temporary.write_bytes(turning_gif(own.data, own.grid, colours=colours))
+            temporary.write_bytes(turning_gif(own.data, own.grid, colours=looks.colours))
         return
     if suffix == ".glb":
         from tomo.draw.rig.rig_scene import volume_scene
@@ -74,10 +68,10 @@ def visualize_volume(
         from tomo.draw.write_glb import write_glb
 
         scene = volume_scene(own.grid, unit)
-        write_glb(path, scene + isosurface_scene(own.data, own.grid, unit, levels or LEVELS))
+        write_glb(path, scene + isosurface_scene(own.data, own.grid, unit, looks.levels or LEVELS))
         return
     from tomo.draw.stage import Shown
     from tomo.draw.write_html import write_html
 
-    shown = Shown((own.data,), own.grid, value_unit, colours=colours, levels=tuple(levels))
+    shown = Shown((own.data,), own.grid, value_unit, looks=looks)
     write_html(path, Scene(length_unit=unit), title=title, shown=shown)

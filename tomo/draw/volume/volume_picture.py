@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.emission import COLOURS, EYE
+from tomo.draw.emission import EYE, LIGHT, Looks
 from tomo.draw.figures import INK, MUTED, new_figure, save_figure, with_unit
 from tomo.draw.rig.rig_scene import volume_scene
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.shapes import box_corners
-from tomo.draw.still import panel, show_light, show_scene
+from tomo.draw.still import panel, show_light
 from tomo.draw.viewpoint import Viewpoint
-from tomo.draw.volume.isosurface import isosurface_scene
 from tomo.draw.volume.planes import planes_row, row_size
 from tomo.grid import VoxelGrid
 
@@ -36,8 +34,7 @@ def draw_volume(
     value_unit: str = "",
     title: str = "",
     supersample: int = 3,
-    levels: Sequence[float] = (),
-    colours: str = COLOURS,
+    looks: Looks = LIGHT,
 ) -> Figure:
     """Return the figure: the volume's light as a camera sees it, and three middle planes.
 
@@ -54,10 +51,8 @@ def draw_volume(
         Stands above the picture.
     supersample : int
         Rays along each side of a pixel, for surfaces.
-    levels : sequence of float
-        Up to three parts of the maximum: surfaces are drawn there in place of the light.
-    colours : str
-        A colour map of matplotlib.
+    looks : Looks
+        Surfaces in place of the light, other colours.
 
     Raises
     ------
@@ -91,20 +86,17 @@ def draw_volume(
         box_corners(*bounds), up.eye_direction(*EYE), up.vector, pixels,
         margins=(0.24, 0.08, 0.03, 0.12), distance=6,
     )  # fmt: skip
-    if levels:
-        scene = isosurface_scene(data, grid, length_unit, levels) + volume_scene(grid, length_unit)
-        show_scene(axes, scene, viewpoint, bounds, up, supersample)
-        words = ", ".join(f"{100 * level:g}" for level in levels)
-        axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
-                  va="top", transform=axes.transAxes)  # fmt: skip
-    else:
-        show_light(
-            axes, data, grid, Scene(length_unit=length_unit), viewpoint, bounds, up=up,
-            supersample=supersample, value_unit=value_unit, colours=colours,
-        )  # fmt: skip
+    scene = volume_scene(grid, length_unit) if looks.levels else Scene(length_unit=length_unit)
+    show_light(
+        axes, data, grid, scene, viewpoint, bounds, up=up, supersample=supersample,
+        value_unit=value_unit, looks=looks,
+    )  # fmt: skip
     lowest, highest = min(float(data.min()), 0.0), max(float(data.max()), 0.0)
     scale = ColourScale(
-        with_unit("emission", value_unit), lowest, highest if highest > lowest else 1.0, colours
+        with_unit("emission", value_unit),
+        lowest,
+        highest if highest > lowest else 1.0,
+        looks.colours,
     )
     corner = sight + 0.2, _HEIGHT - 0.55
     planes_row(
@@ -121,8 +113,10 @@ def write_volume_picture(
     length_unit: str = "mm",
     value_unit: str = "",
     title: str = "",
-    **looks: Any,
+    looks: Looks = LIGHT,
+    supersample: int = 3,
 ) -> None:
     """Write `draw_volume`'s figure as a PNG file."""
     units = {"length_unit": length_unit, "value_unit": value_unit}
-    save_figure(draw_volume(data, grid, **units, title=title, **looks), path)
+    figure = draw_volume(data, grid, **units, title=title, looks=looks, supersample=supersample)
+    save_figure(figure, path)
