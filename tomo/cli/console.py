@@ -7,6 +7,7 @@ import json
 import logging
 import math
 import os
+import shlex
 import sys
 from typing import Annotated
 
@@ -29,6 +30,11 @@ class Escaped(logging.Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """Return the line of a record."""
         return printable(super().format(record))
+
+
+def typed() -> str:
+    """Return the command line that runs, to be typed again."""
+    return shlex.join([os.path.basename(sys.argv[0]), *sys.argv[1:]])
 
 
 def print_json(result: dict) -> None:

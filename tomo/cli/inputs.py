@@ -44,6 +44,18 @@ UpperOption = Annotated[
     str | None, typer.Option(metavar="X,Y,Z", help="Upper corner, with --lower.", **_PANEL)
 ]
 
+LevelOption = Annotated[
+    list[float] | None,
+    typer.Option(
+        metavar="PART",
+        help="Draw a surface at this part of the largest value, like 0.4, in place of the light; "
+        "up to three.",
+    ),
+]
+ColormapOption = Annotated[
+    str, typer.Option(metavar="NAME", help="Colours of the light: a colour map of matplotlib.")
+]
+
 ScanArgument = Annotated[
     Path | None,
     typer.Argument(metavar="SCAN", help="A scan folder, scan.yaml or transforms.json."),

@@ -38,10 +38,10 @@ def check_output_file(path: Path, suffixes: Sequence[str] = ()) -> None:
     check_output_folder(path.parent)
 
 
-def check_output_pictures(paths: Iterable[Path]) -> None:
+def check_output_pictures(paths: Iterable[Path], *more: str) -> None:
     """Raise unless every path is that of a picture that can be written."""
     for path in paths:
-        check_output_file(path, PICTURE_SUFFIXES)
+        check_output_file(path, (*PICTURE_SUFFIXES, *more))
 
 
 def check_output_volume(folder: Path, rig: Rig, source: object) -> None:

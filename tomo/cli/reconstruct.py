@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tomo.cli.console import JsonFlag, print_json, say
+from tomo.cli.console import JsonFlag, print_json, say, typed
 from tomo.cli.corrections import (
     BayerOption,
     BitDepthOption,
@@ -138,7 +138,7 @@ def reconstruct(
             cluster = _cluster(workers, scheduler)
             return _series(loaded, voxels, options, out, pictures, json, cluster)
         outcome = run(loaded, voxels, options, progress=True)
-        report = outcome.save(out, with_pictures=pictures)
+        report = outcome.save(out, with_pictures=pictures, command=typed())
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")

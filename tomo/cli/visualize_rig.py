@@ -13,7 +13,9 @@ from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.inputs import (
     VOLUME_HELP,
     CenterOption,
+    ColormapOption,
     GridOption,
+    LevelOption,
     PatternOption,
     RigArgument,
     SpacingOption,
@@ -69,6 +71,8 @@ def visualize_rig(
     align: Annotated[
         bool, typer.Option(help="Align the other rig with the first by the best rigid motion.")
     ] = True,
+    level: LevelOption = None,
+    colormap: ColormapOption = "inferno",
     coverage: Annotated[
         bool, typer.Option(help="Show maps of views, resolved details and pixel size in .html.")
     ] = True,
@@ -85,6 +89,7 @@ def visualize_rig(
     with bad_input_in_one_line():
         check_output_pictures(out)
         from tomo.draw import visualize_rig as draw
+        from tomo.draw.emission import Looks
 
         for option, given in (("--frame", frame), ("--pattern", pattern)):
             if given is not None and images is None:
@@ -97,6 +102,7 @@ def visualize_rig(
             from tomo.draw.rig.thumbnails import load_thumbnails
 
             pictures = load_thumbnails(loaded, images, frame, pattern, note=say)
+        looks = Looks(tuple(level or ()), colormap)
         for path in out:
             draw(
                 path,
@@ -107,6 +113,7 @@ def visualize_rig(
                 other=difference,
                 names=(Path(rig).stem, Path(compare or "").stem),
                 coverage=coverage,
+                looks=looks,
                 title=title if title is not None else Path(rig).stem,
             )
     if difference is not None:

@@ -9,12 +9,14 @@ import typer
 
 from tomo.cli.console import JsonFlag, print_json
 from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import VOLUME_HELP, read_volume_file
+from tomo.cli.inputs import VOLUME_HELP, ColormapOption, LevelOption, read_volume_file
 from tomo.cli.outputs import check_output_pictures
+from tomo.draw.suffixes import TURNING
 
 EXAMPLES = """
 flametomo visualize-volume out/volume.npz -o flame.html
-flametomo visualize-volume out/volume.vti -o flame.png -o flame.glb
+flametomo visualize-volume out/volume.vti -o flame.png -o flame.gif
+flametomo visualize-volume out/volume.npz --level 0.2 --level 0.6 -o flame.glb
 flametomo visualize-volume array.npy --spacing 0.5 -o flame.html
 flametomo visualize-volume out.zarr -o film.html
 """
@@ -25,7 +27,10 @@ def visualize_volume(
     out: Annotated[
         list[Path],
         typer.Option(
-            "--out", "-o", metavar="FILE", help="A .png, .html or .glb file to write; repeatable."
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="A .png, .html, .glb or .gif file to write; repeatable.",
         ),
     ],
     spacing: Annotated[
@@ -45,31 +50,35 @@ def visualize_volume(
         str | None,
         typer.Option(metavar="A:B:C", help="A slice of a store's frames, counted from 0."),
     ] = None,
+    level: LevelOption = None,
+    colormap: ColormapOption = "inferno",
     title: Annotated[
         str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
     ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """Draw a volume's planes, line integrals and surfaces.
+    """Draw a volume's light along the line of sight, its middle planes, or surfaces.
 
-    PNG suits papers, HTML can be turned around with parts switched on and off, GLB opens in 3-D
-    viewers. HTML of a store that reconstruct --frames wrote plays its film.
+    PNG suits papers, HTML can be turned and cut, GLB opens surfaces in 3-D viewers, GIF turns
+    once around. HTML of a store that reconstruct --frames wrote plays its film.
     """
     with bad_input_in_one_line():
-        check_output_pictures(out)
+        check_output_pictures(out, TURNING)
         if volume.suffix == ".zarr":
             return _film(volume, out, frames, title, json)
         if frames is not None:
             raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")
         from tomo.draw import visualize_volume as draw
+        from tomo.draw.emission import Looks
 
         data, grid, unit, value_unit = read_volume_file(
             volume, spacing, center, length_unit, allow_nan=True
         )
         heading = title if title is not None else volume.stem
         units = {"length_unit": unit, "value_unit": value_unit}
+        looks = Looks(tuple(level or ()), colormap)
         for path in out:
-            draw(path, data, grid, **units, title=heading)
+            draw(path, data, grid, **units, title=heading, looks=looks)
     if json:
         print_json(
             {

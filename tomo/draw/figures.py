@@ -13,7 +13,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 INK, MUTED = "#1b2733", "#5b6672"
-"""Colours of titles and of secondary text."""
+LIGHT_INK, LIGHT_MUTED = "#c9d1d9", "#9aa5b1"
+"""Colours of titles and of secondary text, on white and on black."""
 
 
 def new_figure(width: float, height: float, dpi: int = 160) -> Figure:

@@ -8,10 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import shapes
-from tomo.draw.scene import Mesh, Scene, rgb
+from tomo.draw.scene import Colour, Mesh, Scene, rgb
 from tomo.draw.viewpoint import Viewpoint
 
-INK, GRID = rgb("#5b6672"), rgb("#e6e9ed")
+ON_WHITE, ON_BLACK = (rgb("#5b6672"), rgb("#e6e9ed")), (rgb("#7d8792"), rgb("#262c33"))
+"""Colours of edges and floor."""
+
 NAMES = "xyz"
 EYE = (28.0, 25.0)  # azimuth and elevation in degrees from which pictures are taken
 
@@ -111,7 +113,11 @@ def axes_around(
 
 
 def frame_scene(
-    bounds: NDArray[np.float64], axes: tuple[Axis, ...], viewpoint: Viewpoint, up: Up
+    bounds: NDArray[np.float64],
+    axes: tuple[Axis, ...],
+    viewpoint: Viewpoint,
+    up: Up,
+    colours: tuple[Colour, Colour] = ON_WHITE,
 ) -> Scene:
     """Return the floor's grid, the three edges and their ticks as thin tubes."""
     pixel = viewpoint.pixel_at(bounds.mean(axis=0))
@@ -137,7 +143,7 @@ def frame_scene(
     edges = [shapes.tubes(a.edge[:1], a.edge[1:], 0.9 * pixel) for a in axes]
     return Scene(
         (
-            Mesh("floor", "floor", *shapes.join(lines), GRID),
-            Mesh("axes", "axes", *shapes.join([*edges, *ticks]), INK),
+            Mesh("floor", "floor", *shapes.join(lines), colours[1]),
+            Mesh("axes", "axes", *shapes.join([*edges, *ticks]), colours[0]),
         )
     )

@@ -22,11 +22,13 @@ class LabelPlacer:
     """Places texts one by one on ``axes``, whose data coordinates are pixels, rows downward.
 
     Each text is placed as near to its anchor as the earlier texts allow. A text far from its
-    anchor gets a thin line to it. A text without a free position is omitted.
+    anchor gets a thin line to it. A text without a free position is omitted. ``halo`` is the
+    ground's colour.
     """
 
     axes: Axes
     size: tuple[int, int]
+    halo: str = "white"
     taken: list[tuple[float, float, float, float]] = field(default_factory=list)
 
     def place(
@@ -77,7 +79,7 @@ class LabelPlacer:
             )
             if self._is_free(box):
                 written.set_position(centre)
-                written.set_path_effects([withStroke(linewidth=1.8, foreground="white")])
+                written.set_path_effects([withStroke(linewidth=1.8, foreground=self.halo)])
                 self.taken.append(box)
                 if leader and reach * gap > 14:
                     near = anchor + way * (reach * gap - 1)

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import base64
+import io
 from importlib import resources
+
+import numpy as np
+from numpy.typing import NDArray
 
 
 def render(template: str, **values: object) -> str:
@@ -32,6 +36,27 @@ def render(template: str, **values: object) -> str:
 def embedded(png: bytes) -> str:
     """Return a PNG as a data URL for an image's ``src``."""
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
+
+
+def small_png(picture: NDArray[np.uint8], colours: int = 96) -> bytes:
+    """Return a picture ``(rows, columns, 3)`` as a PNG of a few colours, a third of the size."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(picture).quantize(colours, dither=Image.Dither.NONE).save(
+        buffer, "png", optimize=True
+    )
+    return buffer.getvalue()
+
+
+def indexed_png(steps: NDArray[np.uint8], colours: NDArray) -> bytes:
+    """Return numbers of colours ``(rows, columns)``, and the colours in 0..1, as a PNG."""
+    from PIL import Image
+
+    image, buffer = Image.fromarray(steps), io.BytesIO()
+    image.putpalette(np.round(255 * colours).astype(np.uint8).tobytes())
+    image.save(buffer, "png", optimize=True)
+    return buffer.getvalue()
 
 
 def script_safe(text: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.draw.scene import Scene
+from tomo.draw.scene import Colour, Scene
 from tomo.draw.viewpoint import Viewpoint
 
 _AMBIENT, _DIFFUSE = 0.55, 0.45
@@ -95,8 +95,10 @@ class _Caster:
         return colours * light[:, None], self._looks[geometry, 3]
 
 
-def render(scene: Scene, viewpoint: Viewpoint, supersample: int = 3) -> NDArray[np.float32]:
-    """Return a picture of the scene's meshes on white.
+def render(
+    scene: Scene, viewpoint: Viewpoint, supersample: int = 3, ground: Colour = (1.0, 1.0, 1.0)
+) -> NDArray[np.float32]:
+    """Return a picture of the scene's meshes.
 
     Parameters
     ----------
@@ -104,6 +106,8 @@ def render(scene: Scene, viewpoint: Viewpoint, supersample: int = 3) -> NDArray[
     viewpoint : Viewpoint
     supersample : int
         Rays along each side of a pixel; their mean smooths the edges.
+    ground : (3,) tuple
+        The colour behind them; white when not given.
 
     Returns
     -------
@@ -114,7 +118,7 @@ def render(scene: Scene, viewpoint: Viewpoint, supersample: int = 3) -> NDArray[
     caster = _Caster(scene, viewpoint)
     steps = (np.arange(supersample) + 0.5) / supersample - 0.5
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2)
-    picture = np.ones((height, width, 3), np.float32)
+    picture = np.tile(np.float32(ground), (height, width, 1))
     rows, columns = np.nonzero(_may_see(scene, viewpoint))
     pixels_at_once = max(1, _RAYS_AT_ONCE // supersample**2)
     for first in range(0, len(rows), pixels_at_once):
@@ -122,7 +126,7 @@ def render(scene: Scene, viewpoint: Viewpoint, supersample: int = 3) -> NDArray[
         pixels = np.stack([columns[some], rows[some]], axis=-1)[:, None]  # (N, 1, 2)
         seen = caster.colours(viewpoint.directions((pixels + offsets).reshape(-1, 2)))
         mean = seen.reshape(-1, supersample**2, 4).mean(axis=1)
-        picture[rows[some], columns[some]] = mean[:, :3] + (1 - mean[:, 3:])
+        picture[rows[some], columns[some]] = mean[:, :3] + (1 - mean[:, 3:]) * ground
     return np.clip(picture, 0, 1)
 
 

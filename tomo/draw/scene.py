@@ -22,6 +22,20 @@ def as_colour(numbers: Iterable[float]) -> Colour:
     return red, green, blue
 
 
+def css(colour: Colour) -> str:
+    """Return the colour as CSS."""
+    return "rgb({:.0f},{:.0f},{:.0f})".format(*(255 * c for c in colour))
+
+
+def on_black(colour: Colour) -> Colour:
+    """Return a colour made for white paper as it is seen as well on black: lighter, if dark."""
+    luminance = 0.3 * colour[0] + 0.59 * colour[1] + 0.11 * colour[2]
+    if luminance >= 0.55:
+        return colour
+    white = (0.55 - luminance) / (1 - luminance)
+    return as_colour(round(c + white * (1 - c), 3) for c in colour)
+
+
 @dataclass(frozen=True)
 class ColourScale:
     """The colour scale of a quantity.
@@ -164,6 +178,14 @@ class Scene:
     def __add__(self, other: Scene) -> Scene:
         """Return the scene with the meshes and labels of both."""
         return replace(self, meshes=self.meshes + other.meshes, labels=self.labels + other.labels)
+
+    def on_black(self) -> Scene:
+        """Return the scene in colours that are seen on black."""
+        return replace(
+            self,
+            meshes=tuple(replace(one, colour=on_black(one.colour)) for one in self.meshes),
+            labels=tuple(replace(one, colour=on_black(one.colour)) for one in self.labels),
+        )
 
     @property
     def groups(self) -> tuple[str, ...]:

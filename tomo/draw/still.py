@@ -8,27 +8,57 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.figures import INK, MUTED
+from tomo.draw.emission import LIGHT, Looks, brightest_integral, emission_image, of_integral
+from tomo.draw.figures import INK, LIGHT_INK, LIGHT_MUTED, MUTED
 from tomo.draw.labels import LabelPlacer
 from tomo.draw.raycast import render
-from tomo.draw.scene import Scene
+from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.viewpoint import Viewpoint
+from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+def panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
+    """Return axes whose data coordinates are the pixels of the finished picture, and its size."""
+    axes = figure.add_axes(rect)
+    width, height = (
+        round(fraction * inches * figure.dpi)
+        for fraction, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
+    )
+    axes.set_axis_off()
+    return axes, (width, height)
 
 
 def show_scene(
-    axes: Axes, scene: Scene, viewpoint: Viewpoint, bounds: NDArray, up: frame.Up, supersample: int
+    axes: Axes,
+    scene: Scene,
+    viewpoint: Viewpoint,
+    bounds: NDArray,
+    up: frame.Up,
+    supersample: int,
+    light: NDArray | None = None,
 ) -> LabelPlacer:
-    """Draw the scene with its axes round ``bounds`` and write their numbers."""
+    """Draw the scene with its axes round ``bounds`` and write their numbers.
+
+    The ground is white, or black where ``light``, ``(height, width, 3)``, is added to the scene.
+    """
     around = frame.axes_around(bounds, viewpoint, up, scene.length_unit)
-    drawn = scene + frame.frame_scene(bounds, around, viewpoint, up)
-    axes.imshow(render(drawn, viewpoint, supersample), interpolation="none")
+    on_white = light is None
+    ink, muted = (INK, MUTED) if on_white else (LIGHT_INK, LIGHT_MUTED)
+    lines = frame.ON_WHITE if on_white else frame.ON_BLACK
+    edges = frame.frame_scene(bounds, around, viewpoint, up, lines)
+    if light is None:
+        picture = render(scene + edges, viewpoint, supersample)
+    else:
+        picture = render(scene.on_black() + edges, viewpoint, supersample, (0.0, 0.0, 0.0)) + light
+    axes.imshow(np.clip(picture, 0, 1), interpolation="none")
     width, height = viewpoint.size
     axes.set_xlim(-0.5, width - 0.5)
     axes.set_ylim(height - 0.5, -0.5)
-    placer = LabelPlacer(axes, viewpoint.size)
+    placer = LabelPlacer(axes, viewpoint.size, "white" if on_white else "black")
     middle = viewpoint.project(bounds.mean(axis=0))[0]
     for axis in around:
         pixel = viewpoint.pixel_at(bounds.mean(axis=0))
@@ -41,7 +71,7 @@ def show_scene(
         for position, text in zip(axis.positions, axis.texts, strict=True):
             tick = viewpoint.project(position + axis.outward * 6 * pixel)[0]
             placer.place(
-                text, tick, outward, gap=7, fontsize=7, colour=MUTED, leader=False, turns=turns
+                text, tick, outward, gap=7, fontsize=7, colour=muted, leader=False, turns=turns
             )
         placer.place(
             axis.title,
@@ -51,9 +81,58 @@ def show_scene(
             turns=(0.0, 15.0, -15.0, 40.0, -40.0, 65.0, -65.0, 90.0, -90.0),
             reaches=(1.0, 1.3, 1.6, 2.0, 2.5, 3.0),
             fontsize=8,
-            colour=INK,
+            colour=ink,
             leader=False,
         )
+    return placer
+
+
+def show_light(
+    axes: Axes,
+    data: NDArray,
+    grid: VoxelGrid,
+    scene: Scene,
+    viewpoint: Viewpoint,
+    bounds: NDArray,
+    *,
+    up: frame.Up,
+    supersample: int = 3,
+    value_unit: str = "",
+    looks: Looks = LIGHT,
+    full: float | None = None,
+) -> LabelPlacer:
+    """Draw a volume's light and a scene on black, with axes round ``bounds`` and a colour bar.
+
+    Surfaces on white where the looks ask for them. ``full`` is the end of the colours,
+    `brightest_integral` when None.
+    """
+    if looks.levels:
+        from tomo.draw.volume.isosurface import isosurface_scene
+
+        scene = isosurface_scene(data, grid, scene.length_unit, looks.levels) + scene
+        words = ", ".join(f"{100 * level:g}" for level in looks.levels)
+        axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
+                  va="top", transform=axes.transAxes)  # fmt: skip
+        return show_scene(axes, scene, viewpoint, bounds, up, supersample)
+    full = full or brightest_integral(data, grid, up)
+    scale = ColourScale(of_integral(value_unit, scene.length_unit), 0.0, full, looks.colours)
+    light = scale(emission_image(data, grid, viewpoint))
+    placer = show_scene(axes, scene, viewpoint, bounds, up, supersample, light)
+    dpi = axes.figure.dpi
+    tall = 0.3 * viewpoint.size[1]
+    bar = axes.inset_axes((0.1 * dpi, 0.34 * dpi, 0.09 * dpi, tall), transform=axes.transData)
+    ramp = scale(np.linspace(full, 0, 256))[:, None]
+    bar.imshow(ramp, aspect="auto", extent=(0, 1, 0, full))
+    bar.set_xticks([])
+    bar.yaxis.tick_right()
+    bar.locator_params(axis="y", nbins=5)
+    bar.tick_params(labelsize=6.5, colors=LIGHT_MUTED, length=2, pad=2)
+    for spine in bar.spines.values():
+        spine.set(color="#3a424b", linewidth=0.6)
+    axes.text(
+        0.1 * dpi, 0.16 * dpi, f"light ({scale.title})", fontsize=7, color=LIGHT_INK, va="center",
+        parse_math=False,
+    )  # fmt: skip
     return placer
 
 

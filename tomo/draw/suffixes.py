@@ -6,18 +6,20 @@ import os
 from pathlib import Path
 
 PICTURE_SUFFIXES = (".png", ".html", ".glb")
+TURNING = ".gif"
+"""The suffix of a volume that turns; rigs are not drawn so."""
 
 
-def suffix_of(path: str | os.PathLike) -> str:
+def suffix_of(path: str | os.PathLike, *more: str) -> str:
     """Return the suffix of a picture's file in small letters.
 
     Raises
     ------
     ValueError
-        If it is none of `PICTURE_SUFFIXES`.
+        If it is none of `PICTURE_SUFFIXES` and of ``more``.
     """
-    suffix = Path(path).suffix
-    if suffix.lower() not in PICTURE_SUFFIXES:
-        expected = ", ".join(PICTURE_SUFFIXES)
+    suffix, known = Path(path).suffix, (*PICTURE_SUFFIXES, *more)
+    if suffix.lower() not in known:
+        expected = ", ".join(known)
         raise ValueError(f"{path}: suffix: found {suffix!r}, expected one of {expected}")
     return suffix.lower()

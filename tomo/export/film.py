@@ -1,14 +1,14 @@
-"""A video of maximum projections: H.264 in an mp4 file, written picture by picture."""
+"""A video of the light along the line of sight, H.264 in an mp4 file: picture by picture."""
 
 from __future__ import annotations
 
 from fractions import Fraction
 from pathlib import Path
 
-import numpy as np
-
 from rigs.files import atomic_path
+from tomo.draw.emission import brightest_integral
 from tomo.draw.film.film_picture import FilmPicture
+from tomo.draw.frame import Up
 from tomo.export.frames import Frames
 
 RATE = 25
@@ -19,14 +19,15 @@ QUALITY = "18"
 
 
 def write_film(frames: Frames, target: Path) -> None:
-    """Write a film: a picture a frame, on one colour scale that ends at the largest voxel."""
+    """Write a film: a picture a frame, on one colour scale for all."""
     import av
 
     store = frames.store
-    highest = max(float(np.nanmax(volume)) for volume in frames.volumes("scale: "))
+    up = Up()
+    full = max(brightest_integral(one, store.grid, up) for one in frames.volumes("scale: "))
     picture = FilmPicture(
         store.grid,
-        highest if highest > 0 else 1.0,
+        full,
         store.attributes["length_unit"],
         store.attributes["value_unit"],
         store.path.stem,

@@ -189,7 +189,9 @@ class Reconstruction:
             frame=str(self.scan.get("frame", "")),
         )
 
-    def save(self, folder: str | PathLike, *, with_pictures: bool = True) -> dict[str, Any]:
+    def save(
+        self, folder: str | PathLike, *, with_pictures: bool = True, command: str = ""
+    ) -> dict[str, Any]:
         """Write what ``flametomo reconstruct`` writes: volumes, pictures and report.
 
         Parameters
@@ -197,13 +199,15 @@ class Reconstruction:
         folder : path-like
         with_pictures : bool
             Whether pictures are drawn; without, the page has none.
+        command : str
+            What was typed to get it; the page names it.
 
         Returns
         -------
         report : dict
             The contents of ``report.json``.
         """
-        return higher("save")(folder, self, with_pictures=with_pictures)
+        return higher("save")(folder, self, with_pictures=with_pictures, command=command)
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows."""

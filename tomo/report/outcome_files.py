@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+from pathlib import Path
 from typing import Any
 
 from rigs import save_rig
 from rigs.files import whole_folder
+from tomo.draw import visualize_rig, visualize_volume
+from tomo.draw.volume.given import Volume
 from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
+from tomo.pipeline.stage import as_warning
+from tomo.report.about import About
 from tomo.report.content import Convergence, Results
 from tomo.report.pictures import draw, write_pictures
 from tomo.report.report import write_report
@@ -17,8 +22,7 @@ from tomo.solvers import Solution
 
 PICTURES = (
     "rig",
-    "slices",
-    "views",
+    "flame",
     "convergence",
     "difference",
     "learned",
@@ -31,6 +35,9 @@ RIG_FILE = "refined_rig.yaml"
 
 PAGE, FIGURES = "report.html", "report.json"
 
+FLAME, RIG = "flame.html", "rig.html"
+"""Pages to turn the volume, and the cameras around it, in a whole window."""
+
 VOLUME_FILES = ("volume.npz", "volume.vti", "volume.nrrd")
 
 DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard_deviation.nrrd")
@@ -41,7 +48,11 @@ INTERVAL_FILES = ("half_width.npz", "half_width.vti", "half_width.nrrd")
 
 
 def write_outcome(
-    folder: str | os.PathLike, outcome: Reconstruction, *, with_pictures: bool = True
+    folder: str | os.PathLike,
+    outcome: Reconstruction,
+    *,
+    with_pictures: bool = True,
+    command: str = "",
 ) -> dict[str, Any]:
     """Write everything about a reconstruction into a folder; return what is in ``report.json``.
 
@@ -52,11 +63,18 @@ def write_outcome(
     ``half_width.*`` the half-widths of 90 % intervals. Pictures, rig and these volumes of an
     earlier outcome that this one does not have are removed. The report's ``warnings`` name the
     pictures that could not be drawn. No picture is drawn where ``with_pictures`` is False, and the
-    page has none.
+    page has none. The page names the ``command`` that was given.
     """
     found, report = outcome.solution, outcome.report()
     length, unit = outcome.rig.length_unit, outcome.value_unit
-    others = (RIG_FILE, *DEVIATION_FILES, *INTERVAL_FILES, *(f"{name}.png" for name in PICTURES))
+    others = (
+        RIG_FILE,
+        FLAME,
+        RIG,
+        *DEVIATION_FILES,
+        *INTERVAL_FILES,
+        *(f"{name}.png" for name in PICTURES),
+    )
     with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
         for name in VOLUME_FILES:
             path = staging / name
@@ -72,12 +90,28 @@ def write_outcome(
                 write_volume(path, volume, found.grid, length, value_unit=unit)
         pictures = draw(results, report["warnings"]) if with_pictures else ()
         write_pictures(staging, pictures)
-        write_report(staging / PAGE, report, results, pictures)
+        if with_pictures:
+            with as_warning("flame.html, rig.html: not drawn", report["warnings"]):
+                _write_pages(staging, results)
+        files = sorted(path.name for path in staging.iterdir())
+        about = About(Path(folder), command, files)
+        write_report(staging / PAGE, report, results, pictures, about)
         if outcome.refined_rig is not None:
             save_rig(outcome.refined_rig, staging / RIG_FILE)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"
         (staging / FIGURES).write_text(text, "utf-8")
     return report
+
+
+def _write_pages(folder: Path, results: Results) -> None:
+    """Write the pages that show the volume, and the rig around it."""
+    unit = results.rig.length_unit
+    volume = Volume(results.volume, results.grid, unit, results.value_unit)
+    visualize_volume(folder / FLAME, volume, title="Reconstructed volume")
+    if len(results.rig):
+        visualize_rig(
+            folder / RIG, results.rig, volume=volume, coverage=False, title="Cameras and volume"
+        )
 
 
 def results_of(outcome: Reconstruction) -> Results:

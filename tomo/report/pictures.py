@@ -46,7 +46,7 @@ class Picture:
 def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, ...]:
     """Return the figures; those that there is nothing for are left out.
 
-    Rig, slices, views, convergence, difference, learned weights, intervals and deviations. Of one
+    Rig, volume, convergence, difference, learned weights, intervals and deviations. Of one
     that cannot be drawn, as where a library of the system is missing, a line joins ``warnings``;
     it raises where these are None.
     """
@@ -85,31 +85,22 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
         (
             len(rig) > 0,
             "rig",
-            lambda: draw_rig(rig, grid, results.volume, title="Cameras and volume"),
+            lambda: draw_rig(
+                rig, grid, results.volume, "Cameras and volume", value_unit=results.value_unit
+            ),
             "The cameras at true scale, and the volume close up. Colours tell whether a camera "
             "stands above, level with or below the volume; the arrows show where each looks.",
             f"Perspective drawing of {len(rig)} cameras around the reconstructed volume.",
         ),
         (
             True,
-            "slices",
+            "flame",
             lambda: draw_volume(
                 results.volume, grid, **units, title=f"Reconstruction, {results.method}"
             ),
-            f"The reconstructed emission{_in_units(results)}: planes through the middle of the "
-            "volume, its integrals along the three axes, and surfaces of equal emission.",
-            "Three slices, three projections and nested surfaces of the reconstructed volume.",
-        ),
-        (
-            bool(results.views),
-            "views",
-            lambda: result_figures.draw_views(results.views),
-            "Measured images, the volume projected back into the same cameras, and the "
-            "difference: red where the volume's image is brighter, blue where the measured one "
-            "is. It should look like noise; shapes in it say that something in the model is "
-            "wrong. Held-out views, which the reconstruction never saw, come first. Grey pixels "
-            "were not used.",
-            "For each view: measured image, re-projected image and their difference.",
+            f"The reconstructed emission{_in_units(results)}: its light as a camera sees it, and "
+            "planes through the middle of the volume.",
+            "The light of the reconstructed volume, and three slices.",
         ),
         (
             any(len(course.iterations) for course in results.history),

@@ -8,26 +8,35 @@ from collections.abc import Mapping, Sequence
 
 from rigs.files import atomic_path
 from tomo.draw.page import embedded, render
+from tomo.draw.rig.rig_scene import up_of
+from tomo.draw.scene import Scene
+from tomo.draw.stage import Shown, stage
 from tomo.metrics import cosine_distance, nrmse
 from tomo.pipeline.answer import HARMFUL
 from tomo.pipeline.peak import peak_in_words
 from tomo.pipeline.view import View
+from tomo.report.about import About, origin_rows
 from tomo.report.content import Results
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
 from tomo.report.pictures import Picture, draw
 from tomo.report.uncertainty_tables import coverage_table, trust_figures
+from tomo.report.view_pictures import view_pictures
 from tomo.report.words import advice, as_sentence, verdict_part
 
 _TITLES = {
     "rig": "Cameras and volume",
-    "views": "Measured and re-projected images",
-    "slices": "The volume",
+    "flame": "The volume",
     "convergence": "How the iterations went",
     "difference": "Volumes beside each other",
     "intervals": "Where it is uncertain",
     "condition": "What noise does to every voxel",
     "learned": "Weights learned in place of segment lengths",
+}
+
+PAGES = {
+    "flame.html": "the volume in a whole window",
+    "rig.html": "the cameras around it, and their lines of sight",
 }
 
 SHOWN_VIEWS = 6
@@ -39,6 +48,7 @@ def write_report(
     report: Mapping,
     results: Results,
     pictures: Sequence[Picture] | None = None,
+    about: About | None = None,
 ) -> None:
     """Write the page: the volume, the verdict and the next steps first, then the figures.
 
@@ -51,9 +61,12 @@ def write_report(
     results : Results
         Volumes, views and histories.
     pictures : sequence of Picture, optional
-        What `draw` gave for these results; drawn here when None.
+        What `draw` gave for these results; drawn here when None. With none the page shows no
+        volume either.
+    about : About, optional
+        Where it is written and how it came about.
     """
-    report = without_nulls(report)
+    report, unit = without_nulls(report), results.rig.length_unit
     pictures = draw(results) if pictures is None else pictures
     shown = dict.fromkeys(_TITLES)
     for one in pictures:
@@ -68,6 +81,12 @@ def write_report(
         "report.html",
         title="Reconstruction",
         about=_about(report, results),
+        stage=pictures and _stage(results),
+        origin=origin_rows(report, about),
+        files=[name for name in (about.files if about else ()) if name not in PAGES],
+        pages=[(name, words) for name, words in PAGES.items() if about and name in about.files],
+        view_command=about.view_command if about else "",
+        compared=view_pictures(results.views) if pictures else None,
         verdict=verdict_part(report.get("verdict")),
         warnings=[advice(line) for line in report.get("warnings") or ()],
         answer=(report.get("answer") or {}).get("sentence"),
@@ -75,16 +94,23 @@ def write_report(
         against_truth=_against_truth(report),
         comparisons=_comparison_rows(results),
         held_out=_held_out(report),
-        trust=trust_figures(report, results.rig.length_unit),
+        trust=trust_figures(report, unit),
         coverage=coverage_table(report.get("uncertainty")),
         views=_views(report, results),
         shown_views=SHOWN_VIEWS,
-        refinement=_refinement(report, results.rig.length_unit),
+        refinement=_refinement(report, unit),
         run=_run(report),
         details=detail_tables(report),
     )
     with atomic_path(path) as temporary:
         temporary.write_text(with_glossary(text), encoding="utf-8")
+
+
+def _stage(results: Results) -> dict:
+    """Return the volume to be turned on the page."""
+    shown = Shown((results.volume,), results.grid, results.value_unit)
+    up = up_of(results.rig) if len(results.rig) else None
+    return stage(Scene(length_unit=results.rig.length_unit), up=up, shown=shown, turning=True)
 
 
 def _about(report: Mapping, results: Results) -> str:

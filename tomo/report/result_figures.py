@@ -1,119 +1,23 @@
-"""The plots of a reconstruction's report: views, convergence, and difference from a truth."""
+"""The plots of a reconstruction's report: convergence, and difference from a truth."""
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from tomo.draw.figures import INK, MUTED, new_figure, plain, short_numbers, thin_lines, with_unit
 from tomo.draw.volume.planes import few_ticks, middle_planes, room_of_number, show_plane
 from tomo.metrics import cosine_distance, nrmse
-from tomo.pipeline.answer import worst_view
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.image import AxesImage
 
-    from tomo.pipeline.view import View
     from tomo.report.content import Convergence, Results
 
 _LINES = ("#1f6fb2", "#c2500f", "#12826a", "#7d5ba6", "#9a7b00", "#5b6672")
-_UNUSED = "#b9c0c7"
-_MOST_VIEWS = 6
-# A line of pixels stays visible at this many inches, though no longer to scale.
-_THINNEST = 0.15
-
-
-def views_to_show(views: Sequence[View], most: int = _MOST_VIEWS) -> list[View]:
-    """Return views that took no part, the least explained one, then others evenly spread."""
-    apart = [view for view in views if not view.takes_part]
-    others = [view for view in views if view.takes_part]
-    worst = worst_view(others)
-    first = apart[: most - 1] + ([] if worst is None else [worst])
-    others = [view for view in others if view is not worst]
-    free = min(most - len(first), len(others))
-    spread = np.round(np.arange(free) * len(others) / max(free, 1)).astype(int)
-    return first + [others[i] for i in spread]
-
-
-def draw_views(views: Sequence[View]) -> Figure:
-    """Return measured, re-projected and residual images, in per cent of each view's maximum."""
-    shown = views_to_show(views)
-    aspect = float(np.median([v.measured.shape[1] / v.measured.shape[0] for v in shown]))
-    across = min(len(shown), 3 if aspect < 0.8 else 2)
-    down = math.ceil(len(shown) / across)
-    width, pad, bar_room, heading = 10.4, 0.28, 0.72, 0.52
-    image_width = (width / across - pad) / 3 - 0.04
-    image_height = min(max(image_width / aspect, _THINNEST), 4.2)
-    image_width = min(image_width, max(image_height * aspect, _THINNEST))
-    height = down * (image_height + heading) + bar_room
-    figure = new_figure(width, height)
-    scaled = [_in_percent(view) for view in shown]
-    spread = [np.abs(r[np.isfinite(r)]) for _, _, r in scaled]
-    limit = max((float(np.quantile(s, 0.995)) for s in spread if s.size), default=0.0) or 1.0
-    block = 3 * (image_width + 0.04) + pad
-    images: tuple[AxesImage, ...] = ()
-    for number, (view, parts) in enumerate(zip(shown, scaled, strict=True)):
-        row, column = divmod(number, across)
-        x0 = pad / 2 + column * block
-        top = height - row * (image_height + heading) - heading
-        ends = ((0, 100, "inferno"), (0, 100, "inferno"), (-limit, limit, "RdBu_r"))
-        own_width, own_height = _inside(image_width, image_height, view.measured.shape)
-        drawn = []
-        for k, (part, (low, high, colours)) in enumerate(zip(parts, ends, strict=True)):
-            x = x0 + k * (image_width + 0.04)
-            rect = (x / width, (top - own_height) / height, own_width / width,
-                    own_height / height)  # fmt: skip
-            axes = figure.add_axes(rect)
-            axes.set_facecolor(_UNUSED)
-            drawn.append(axes.imshow(part, vmin=low, vmax=high, cmap=colours, aspect="auto"))
-            axes.set_xticks([])
-            axes.set_yticks([])
-            for spine in axes.spines.values():
-                spine.set(color="#c3cad1", linewidth=0.5)
-            words = ("measured", "re-projected", "difference")[k]
-            axes.set_title(words, fontsize=6.5, color=MUTED, pad=2.5)
-        images = drawn[0], drawn[2]
-        residual = view.relative_residual
-        role = ", held out" if view.held_out else ", excluded" if view.excluded else ""
-        figure.text(
-            x0 / width,
-            (top + 0.28) / height,
-            f"{_short(view.name)}{role}: residual {residual:.1%}, noise {view.relative_noise:.1%}",
-            fontsize=8,
-            weight="bold" if role else "normal",
-            color="#c2500f" if role else INK,
-            parse_math=False,
-        )
-    quantities = ("image, % of the view's maximum", "difference, % of the view's maximum")
-    for k, image in enumerate(images):
-        rect = ((pad / 2 + k * 3.4) / width, 0.36 / height, 2.6 / width, 0.09 / height)
-        bar = figure.add_axes(rect)
-        figure.colorbar(image, cax=bar, orientation="horizontal")
-        bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
-        bar.set_xlabel(quantities[k], fontsize=7, color=INK, labelpad=2)
-    return figure
-
-
-def _inside(width: float, height: float, shape: tuple[int, int]) -> tuple[float, float]:
-    """Return the largest sides, in inches, of an image (rows, columns) to scale in a panel."""
-    rows, columns = shape
-    scale = min(width / columns, height / rows)
-    return max(columns * scale, _THINNEST), max(rows * scale, _THINNEST)
-
-
-def _in_percent(view: View) -> tuple[NDArray, NDArray, NDArray]:
-    """Return measured, re-projected and residual images; unusable pixels are NaN."""
-    usable = view.usable
-    measured = np.where(usable, view.measured, np.nan).astype(np.float64)
-    reprojected = np.where(usable, view.reprojected, np.nan).astype(np.float64)
-    highest = float(np.quantile(measured[usable], 0.9995)) if usable.any() else 0.0
-    scale = 100 / (highest if highest > 0 else 1.0)
-    return measured * scale, reprojected * scale, (reprojected - measured) * scale
 
 
 def draw_convergence(history: Sequence[Convergence]) -> Figure:

@@ -15,6 +15,8 @@ from tomo.draw.film.chart import COLOURS, Chart, chart
 from tomo.draw.film.player import film_of
 from tomo.draw.film.visualize import moments_of, shown_places, words_of
 from tomo.draw.page import render
+from tomo.draw.scene import Scene
+from tomo.draw.stage import stage
 from tomo.pipeline.peak import peak_in_words
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
@@ -49,7 +51,8 @@ def write_series_report(
     shown = shown_places(store.complete)
     if with_film and shown:
         moments = moments_of(table, shown, progress)
-        film = film_of(moments, store.grid, about["length_unit"], about["value_unit"])
+        own = film_of(moments, len(shown), store.grid, about["value_unit"])
+        film = stage(Scene(length_unit=about["length_unit"]), shown=own)
     text = render(
         "series.html",
         title=f"Reconstruction of {store.n_frames} frames",

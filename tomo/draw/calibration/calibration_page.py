@@ -24,7 +24,7 @@ from tomo.draw.calibration.calibration_scene import calibration_scene
 from tomo.draw.figures import png_bytes
 from tomo.draw.page import embedded, render
 from tomo.draw.rig.rig_scene import grid_of, up_of
-from tomo.draw.write_html import html_page
+from tomo.draw.stage import stage
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -91,6 +91,7 @@ def write_calibration_page(
         "depths": draw_depths(calibration, grid),
     }
     word, assessment = _assessment(calibration)
+    scene = calibration_scene(calibration, grid)
     text = render(
         "calibration.html",
         title=title,
@@ -112,7 +113,11 @@ def write_calibration_page(
             for name, figure in figures.items()
             if figure is not None
         },
-        scene=_scene_page(calibration, grid),
+        stage=stage(
+            scene.without("stems", "field of view", "arrows", "arrow names"),
+            up=up_of(calibration.rig),
+            grid=grid,
+        ),
         details=[(key, str(value)) for key, value in (details or {}).items()],
     )
     with atomic_path(path) as temporary:
@@ -135,17 +140,6 @@ def _evaluated_box(calibration: Calibration) -> VoxelGrid | None:
     if not len(points) or not (np.ptp(points, axis=0) > 0).all():
         return None
     return VoxelGrid.from_bounds((1, 1, 1), points.min(axis=0), points.max(axis=0))
-
-
-def _scene_page(calibration: Calibration, grid: VoxelGrid | None) -> str:
-    """Return the page that turns cameras and targets around."""
-    scene = calibration_scene(calibration, grid)
-    return html_page(
-        scene.without("stems", "field of view", "arrows", "arrow names"),
-        title="Rig",
-        up=up_of(calibration.rig),
-        grid=grid,
-    )
 
 
 def _assessment(calibration: Calibration) -> tuple[str, str]:

@@ -10,7 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.progress import Progress, progress_of
-from tomo.draw.film.player import MOST_FRAMES, film_of, write_film_page
+from tomo.draw.film.player import MOST_FRAMES, film_of
+from tomo.draw.scene import Scene
+from tomo.draw.write_html import write_html
 from tomo.series import SeriesStore
 from tomo.series.frames import slices_of
 from tomo.series.table import SeriesTable
@@ -64,9 +66,10 @@ def visualize_film(
     about = store.attributes
     with progress_of(progress, "film") as tell:
         moments = moments_of(table, shown, tell)
-        film = film_of(moments, store.grid, about["length_unit"], about["value_unit"])
+        film = film_of(moments, len(shown), store.grid, about["value_unit"])
     words = words_of(shown, int(wanted.sum()))
-    write_film_page(path, film, title=title or store.path.stem, words=words)
+    scene = Scene(length_unit=about["length_unit"])
+    write_html(path, scene, title=title or store.path.stem, shown=film, note=words)
     return table.frames[shown].tolist()
 
 

@@ -5,17 +5,17 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.check.in_volume import MOST_POINTS, lattice
-from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure
+from tomo.draw.figures import INK, new_figure, save_figure
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.volume.maps import map_scene
-from tomo.draw.volume.planes import middle_planes
+from tomo.draw.volume.planes import planes_row, row_size
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -93,14 +93,11 @@ def draw_coverage(
     maps: Sequence[CoverageMap], grid: VoxelGrid, *, length_unit: str = "mm", title: str = ""
 ) -> Figure:
     """Return the figure: a row of three middle planes for each map, all to one scale."""
-    extent = grid.extent
-    widths = np.array([extent[0], extent[2], extent[0]])
-    heights = np.array([extent[1], extent[1], extent[2]])
-    inches = min(3.4 / widths.sum(), 2.3 / heights.max())  # room for two side by side
-    columns = max(1, min(len(maps), math.floor(11.5 / (widths.sum() * inches + 2.3))))
+    wide, tall = grid.extent[[0, 2, 0]], grid.extent[[1, 1, 2]]
+    inches = min(3.4 / wide.sum(), 2.3 / tall.max())  # room for two side by side
+    cell_width, cell_height = row_size(grid, inches)
+    columns = max(1, min(len(maps), math.floor(13.0 / cell_width)))
     rows = math.ceil(len(maps) / columns)
-    cell_width = float(widths.sum() * inches) + 2.3
-    cell_height = float(heights.max() * inches) + 0.95
     size = max(columns * cell_width, 5.0), rows * cell_height + 0.45
     figure = new_figure(*size, dpi=200)
     figure.text(
@@ -115,8 +112,14 @@ def draw_coverage(
     )
     for number, shown in enumerate(maps):
         row, column = divmod(number, columns)
-        corner = (column * cell_width, size[1] - 0.45 - (row + 1) * cell_height)
-        _draw_map(figure, shown, grid, corner, inches, length_unit)
+        corner = column * cell_width, size[1] - 0.45 - row * cell_height
+        scale = replace(shown.scale, title="")
+        bar = planes_row(
+            figure, corner, inches, shown.values, grid, scale,
+            heading=shown.scale.title, length_unit=length_unit, whole=False,
+        )  # fmt: skip
+        if shown.name == "views":
+            bar.locator_params(axis="y", integer=True)
     return figure
 
 
@@ -125,66 +128,3 @@ def write_coverage(
 ) -> None:
     """Write `draw_coverage`'s figure as a PNG file."""
     save_figure(draw_coverage(maps, grid, **options), path)
-
-
-def _draw_map(
-    figure: Figure,
-    shown: CoverageMap,
-    grid: VoxelGrid,
-    corner: tuple[float, float],
-    inches: float,
-    unit: str,
-) -> None:
-    """Draw three planes and their colour scale; ``corner`` is the lower left one, in inches."""
-    size = figure.get_size_inches()
-    left, bottom = corner[0] + 0.62, corner[1] + 0.5
-    tallest = grid.extent[[1, 2]].max() * inches
-
-    def place(x: float, y: float, width: float, height: float) -> tuple:
-        return x / size[0], y / size[1], width / size[0], height / size[1]
-
-    figure.text(
-        left / size[0], (bottom + tallest + 0.13) / size[1], plain(shown.scale.title),
-        fontsize=8.5, color=INK, va="center",
-    )  # fmt: skip
-    for number, (values, (level, upright, _), extent, _) in enumerate(
-        middle_planes(shown.values, grid)
-    ):
-        width, height = (extent[1] - extent[0]) * inches, (extent[3] - extent[2]) * inches
-        axes = figure.add_axes(place(left, bottom, width, height))
-        axes.imshow(
-            values,
-            extent=extent,
-            origin="lower",
-            cmap=shown.scale.colours,
-            vmin=shown.scale.lower,
-            vmax=shown.scale.upper,
-            interpolation="nearest",
-        )
-        for axis, limits in ((level, axes.set_xlim), (upright, axes.set_ylim)):
-            half = grid.spacing[axis] / 2 if grid.shape[axis] > 1 else 0.0
-            limits(grid.lower[axis] + half, grid.upper[axis] - half)
-        axes.set_facecolor("#cccccc")
-        axes.tick_params(labelsize=6, colors=MUTED, length=2)
-        axes.locator_params(nbins=3)
-        axes.set_xlabel(plain(f"{'xyz'[level]} ({unit})"), fontsize=6.5, color=MUTED, labelpad=1)
-        axes.set_ylabel("xyz"[upright], fontsize=6.5, color=MUTED, labelpad=1)
-        if number == 1:  # has the upright axis of the first
-            axes.set_yticks([])
-            axes.set_ylabel("")
-        for spine in axes.spines.values():
-            spine.set(color="#9aa5b1", linewidth=0.6)
-        left += width + (0.16 if number == 0 else 0.5)
-    bar = figure.add_axes(place(left - 0.3, bottom, 0.1, tallest))
-    from matplotlib.cm import ScalarMappable
-    from matplotlib.colors import Normalize
-    from matplotlib.ticker import MaxNLocator
-
-    figure.colorbar(
-        ScalarMappable(Normalize(shown.scale.lower, shown.scale.upper), shown.scale.colours), bar
-    )
-    locator = bar.yaxis.get_major_locator()
-    if isinstance(locator, MaxNLocator):
-        locator.set_params(integer=shown.name == "views")
-    bar.tick_params(labelsize=6.5, colors=MUTED, length=2)
-    bar.yaxis.get_offset_text().set_fontsize(6.5)

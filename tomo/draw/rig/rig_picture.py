@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.draw import frame
+from tomo.draw.emission import LIGHT, Looks
 from tomo.draw.figures import INK, MUTED, new_figure, plain, save_figure
 from tomo.draw.rig.rig_scene import (
     Target,
@@ -25,7 +26,7 @@ from tomo.draw.rig.rig_scene import (
 )
 from tomo.draw.scene import Colour, Scene
 from tomo.draw.shapes import box_corners
-from tomo.draw.still import show_scene, write_names
+from tomo.draw.still import panel, show_light, show_scene, write_names
 from tomo.draw.viewpoint import Viewpoint
 from tomo.grid import VoxelGrid
 
@@ -45,6 +46,8 @@ def draw_rig(
     title: str = "",
     supersample: int = 3,
     extra: Scene | None = None,
+    value_unit: str = "",
+    looks: Looks = LIGHT,
 ) -> Figure:
     """Return the figure: the rig at true scale on the left, the volume close up on the right.
 
@@ -54,13 +57,17 @@ def draw_rig(
     grid : VoxelGrid, optional
         The box to draw; the rig's own when None. Without any the right half is left out.
     volume : (nx, ny, nz), optional
-        Drawn as surfaces of equal intensity.
+        Its light is drawn in the close-up.
     title : str
         Stands above the picture.
     supersample : int
         Rays along each side of a pixel.
     extra : Scene, optional
         What else to draw into the whole rig: another one, targets.
+    value_unit : str
+        Of the volume's values; empty if unknown.
+    looks : Looks
+        Of the volume.
 
     Raises
     ------
@@ -68,7 +75,7 @@ def draw_rig(
         As `rig_scene` does.
     """
     up = up_of(rig) if len(rig) else frame.Up()
-    scene = rig_scene(rig, grid, volume, up)
+    scene = rig_scene(rig, grid, None, up)
     scene = scene if extra is None else scene + extra
     grid = grid_of(rig, grid)
     width, height = (11.0, 6.0) if grid is not None else (7.5, 5.6)
@@ -77,12 +84,14 @@ def draw_rig(
     overview, viewpoint = _overview(figure, left, rig, grid, scene, up, supersample)
     if grid is not None:
         right = (0.64, 0.075, 0.352, 0.835)
-        closeup = _closeup(figure, right, rig, scene, up, supersample)
+        closeup = _closeup(
+            figure, right, rig, scene, up, supersample, grid, volume, value_unit, looks
+        )
         _magnifier(
             figure, overview, closeup, viewpoint.project(box_corners(grid.lower, grid.upper))
         )
     shows_field = grid is not None and _field_fits(scene)
-    x = _captions(figure, rig, grid, volume, up, title, width, shows_field)
+    x = _captions(figure, rig, grid, up, title, width, shows_field)
     for mesh in {mesh.group: mesh for mesh in (extra.meshes if extra else ())}.values():
         _entry(figure, x, mesh.colour, mesh.group)
         x += _entry_width(mesh.group, width)
@@ -97,20 +106,11 @@ def write_rig(
     title: str = "",
     supersample: int = 3,
     extra: Scene | None = None,
+    value_unit: str = "",
+    looks: Looks = LIGHT,
 ) -> None:
     """Write `draw_rig`'s figure as a PNG file."""
-    save_figure(draw_rig(rig, grid, volume, title, supersample, extra), path)
-
-
-def _panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
-    """Return axes whose data coordinates are the pixels of the finished picture."""
-    axes = figure.add_axes(rect)
-    width, height = (
-        round(fraction * inches * figure.dpi)
-        for fraction, inches in zip(rect[2:], figure.get_size_inches(), strict=True)
-    )
-    axes.set_axis_off()
-    return axes, (width, height)
+    save_figure(draw_rig(rig, grid, volume, title, supersample, extra, value_unit, looks), path)
 
 
 def _overview(
@@ -123,7 +123,7 @@ def _overview(
     supersample: int,
 ) -> tuple[Axes, Viewpoint]:
     """Draw the whole rig and return the viewpoint."""
-    axes, size = _panel(figure, rect)
+    axes, size = panel(figure, rect)
     whole = scene.without("arrows", "arrow names", "field of view")
     target = Target.of(rig, grid)
     typical = typical_distance(rig, target)
@@ -144,12 +144,20 @@ def _overview(
 
 
 def _closeup(
-    figure: Figure, rect: tuple, rig: Rig, scene: Scene, up: frame.Up, supersample: int
+    figure: Figure,
+    rect: tuple,
+    rig: Rig,
+    scene: Scene,
+    up: frame.Up,
+    supersample: int,
+    grid: VoxelGrid,
+    volume: NDArray | None,
+    value_unit: str,
+    looks: Looks,
 ) -> Axes:
     """Draw the box of voxels, what is in it, and from where it is seen."""
-    axes, size = _panel(figure, rect)
-    surfaces = tuple(group for group in scene.groups if group.startswith("isosurface"))
-    near = scene.only((*_NEAR, *surfaces))
+    axes, size = panel(figure, rect)
+    near = scene.only(_NEAR)
     bounds = near.without("field of view").bounds
     if not _field_fits(near):
         near = near.without("field of view")
@@ -158,10 +166,16 @@ def _closeup(
         up.eye_direction(*frame.EYE),
         up.vector,
         size,
-        margins=(0.13, 0.09, 0.03, 0.09),
+        margins=(0.13 if volume is None else 0.21, 0.09, 0.03, 0.09),
         distance=5,
     )
-    placer = show_scene(axes, near, viewpoint, bounds, up, supersample)
+    if volume is None:
+        placer = show_scene(axes, near, viewpoint, bounds, up, supersample)
+    else:
+        placer = show_light(
+            axes, volume, grid, near, viewpoint, bounds, up=up, supersample=supersample,
+            value_unit=value_unit, looks=looks,
+        )  # fmt: skip
     if len(rig) <= _NAMES_CLOSE_UP:
         write_names(placer, near, viewpoint, 6.5)
     return axes
@@ -210,7 +224,6 @@ def _captions(
     figure: Figure,
     rig: Rig,
     grid: VoxelGrid | None,
-    volume: NDArray | None,
     up: frame.Up,
     title: str,
     width: float,
@@ -270,8 +283,6 @@ def _captions(
         name = facing_camera(rig, up).name
         name = name if len(name) <= 14 else f"{name[:12]}…"
         _entry(figure, 0.64, "#7d5ba6", f"field of view of {name}")
-    if volume is not None:
-        _entry(figure, 0.845, "#e2582f", "15, 40, 70 % of maximum")
     widening = max(symbol_widening(camera) for camera in rig)
     if widening > 1.05:
         note = f"camera symbols opened up to {widening:.3g} times"

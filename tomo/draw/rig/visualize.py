@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 from rigs import Rig
 from rigs.check.compare import RigDifference
 from rigs.check.result import RigCheck
+from tomo.draw.emission import LIGHT, Looks
 from tomo.draw.rig.rig_page import (
     check_on_grid,
     check_table,
@@ -20,8 +21,10 @@ from tomo.draw.rig.rig_page import (
 )
 from tomo.draw.rig.rig_scene import Target, grid_of, rig_scene, up_of
 from tomo.draw.scene import Scene
+from tomo.draw.stage import Shown
 from tomo.draw.suffixes import suffix_of
-from tomo.draw.volume.given import Volume, volume_of
+from tomo.draw.volume.given import volume_of
+from tomo.draw.volume.isosurface import LEVELS, isosurface_scene
 from tomo.draw.write_html import Table
 from tomo.grid import VoxelGrid
 
@@ -50,6 +53,7 @@ def visualize_rig(
     coverage: bool = True,
     title: str = "",
     note: Callable[[str], None] | None = None,
+    looks: Looks = LIGHT,
 ) -> None:
     """Draw a rig's cameras and the volume that they look at, as ``flametomo visualize-rig``.
 
@@ -76,6 +80,8 @@ def visualize_rig(
     title : str
     note : callable, optional
         Called with lines on what image files say and reading does not heed.
+    looks : Looks
+        Of the volume.
 
     Raises
     ------
@@ -98,13 +104,17 @@ def visualize_rig(
     if suffix == ".png":
         from tomo.draw.rig.rig_picture import write_rig
 
-        data = shown.data if shown else None
         around = around.without("other names")  # the first rig has the same
-        write_rig(path, rig, grid=grid, volume=data, title=title, extra=around)
+        data, unit = (shown.data, shown.value_unit) if shown else (None, "")
+        write_rig(path, rig, grid, data, title=title, extra=around, value_unit=unit, looks=looks)
         return
     pictures = _pictures(rig, images, frame, pattern, note)
-    scene = _with_pictures(rig, grid, shown, pictures) + around
+    # a page draws the light of a volume, a file for 3-D programs its surfaces
+    scene = _with_pictures(rig, grid, pictures) + around
     if suffix == ".glb":
+        if shown:
+            levels = looks.levels or LEVELS
+            scene += isosurface_scene(shown.data, shown.grid, rig.length_unit, levels)
         from tomo.draw.write_glb import write_glb
 
         write_glb(path, scene)
@@ -116,9 +126,8 @@ def visualize_rig(
         check, coarse = check_on_grid(rig, grid)
         scene += coverage_scene(coverage_maps(check, coarse), coarse, rig.length_unit)
         tables.append(check_table(check))
-    _write_page(
-        path, rig, grid, scene, pictures, tables, title, shown, ["images"] * bool(pictures)
-    )
+    film = shown and Shown((shown.data,), shown.grid, shown.value_unit, looks=looks)
+    _write_page(path, rig, grid, scene, pictures, tables, title, film, ["images"] * bool(pictures))
 
 
 def visualize_check(
@@ -167,7 +176,7 @@ def visualize_check(
         write_glb(path, rig_scene(rig, grid) + coverage_scene(maps[:1], coarse, unit))
         return
     pictures = _pictures(rig, images, None, pattern, note)
-    scene = _with_pictures(rig, grid, None, pictures) + coverage_scene(maps, coarse, unit)
+    scene = _with_pictures(rig, grid, pictures) + coverage_scene(maps, coarse, unit)
     tables, shown = [check_table(check)], ["map: details"]
     _write_page(path, rig, grid, scene, pictures, tables, title, None, shown, close_up=True)
 
@@ -189,11 +198,9 @@ def _pictures(
     return load_thumbnails(rig, images, frame, pattern, note=note)
 
 
-def _with_pictures(
-    rig: Rig, grid: VoxelGrid | None, shown: Volume | None, pictures: dict[str, NDArray]
-) -> Scene:
+def _with_pictures(rig: Rig, grid: VoxelGrid | None, pictures: dict[str, NDArray]) -> Scene:
     """Return the rig's scene with what its cameras saw."""
-    scene = rig_scene(rig, grid, shown.data if shown else None)
+    scene = rig_scene(rig, grid)
     if not pictures:
         return scene
     from tomo.draw.rig.thumbnails import image_scene
@@ -209,8 +216,8 @@ def _write_page(
     pictures: dict[str, NDArray],
     tables: list[Table],
     title: str,
-    volume: Volume | None,
-    shown: list[str],
+    shown: Shown | None,
+    visible: list[str],
     close_up: bool = False,
 ) -> None:
     from tomo.draw.rig.camera_view import camera_views
@@ -222,10 +229,9 @@ def _write_page(
         title=title,
         up=up_of(rig),
         grid=grid,
-        volume=volume.data if volume else None,
-        value_unit=volume.value_unit if volume else "",
+        shown=shown,
         views=camera_views(rig, grid, pictures),
         tables=tables,
-        shown=shown,
+        visible=visible,
         close_up=close_up,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,8 +12,11 @@ from tomo.draw.scene import Mesh, Scene, rgb
 from tomo.draw.shapes import Triangles
 from tomo.grid import VoxelGrid
 
+LEVELS = (0.15, 0.4, 0.7)
+"""Parts of the maximum at which surfaces are drawn unless others are asked for."""
+
 # Light outside, dark inside, all readable on white; the outer ones are more transparent.
-_LEVELS = ((0.15, "#f6b04c", 0.22), (0.4, "#e2582f", 0.40), (0.7, "#8c1d4e", 0.85))
+_LOOKS = (("#f6b04c", 0.22), ("#e2582f", 0.40), ("#8c1d4e", 0.85))
 
 
 def isosurface(data: NDArray, grid: VoxelGrid, level: float) -> Triangles:
@@ -85,12 +89,15 @@ def reference_value(data: NDArray) -> float:
     return bright if bright > 0 else float(finite.max())
 
 
-def isosurface_scene(data: NDArray, grid: VoxelGrid, length_unit: str = "mm") -> Scene:
-    """Return nested surfaces at 15, 40 and 70 % of the (robust) maximum; none if all is dark."""
+def isosurface_scene(
+    data: NDArray, grid: VoxelGrid, length_unit: str = "mm", levels: Sequence[float] = LEVELS
+) -> Scene:
+    """Return nested surfaces at up to three parts of the (robust) maximum; none if all is dark."""
     small, small_grid = coarsened(np.nan_to_num(data, nan=0.0), grid)
     reference = reference_value(small)
     meshes = []
-    for fraction, colour, opacity in _LEVELS:
+    levels = sorted(levels)[-3:]
+    for fraction, (colour, opacity) in zip(levels, _LOOKS[-len(levels) :], strict=True):
         if reference <= 0:
             break
         vertices, triangles = isosurface(small, small_grid, fraction * reference)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.draw.figures import with_unit
 from tomo.draw.scene import ColourScale, Mesh, Scene
-from tomo.draw.volume.isosurface import coarsened
 from tomo.grid import VoxelGrid
 
 MAP = "map: "
@@ -55,16 +53,6 @@ def map_scene(
             )
         )
     return Scene(tuple(meshes), length_unit=length_unit)
-
-
-def emission_map(
-    volume: NDArray, grid: VoxelGrid, length_unit: str = "mm", value_unit: str = ""
-) -> Scene:
-    """Return a volume's middle planes; the group is ``map: emission``."""
-    small, small_grid = coarsened(volume, grid)
-    highest = float(np.nanmax(small, initial=0.0)) or 1.0
-    scale = ColourScale(with_unit("emission", value_unit), 0.0, highest, "inferno")
-    return map_scene(small, small_grid, "emission", scale, length_unit)
 
 
 def lattice_triangles(rows: int, columns: int) -> NDArray[np.int64]:

@@ -6,7 +6,12 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from rigs.files import atomic_path
+from tomo.draw.emission import LIGHT, Looks, turning_gif
+from tomo.draw.scene import Scene
+from tomo.draw.suffixes import TURNING, suffix_of
 from tomo.draw.volume.given import volume_of
+from tomo.draw.volume.isosurface import LEVELS
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
@@ -21,47 +26,52 @@ def visualize_volume(
     length_unit: str | None = None,
     value_unit: str | None = None,
     title: str = "",
+    looks: Looks = LIGHT,
 ) -> None:
-    """Draw a volume's planes, line integrals and surfaces, as ``flametomo visualize-volume``.
+    """Draw a volume's light, planes and line integrals, as ``flametomo visualize-volume``.
 
     Parameters
     ----------
     path : path-like
-        A .png, .html or .glb file to write.
+        A .png, .html, .glb or .gif file to write; the last turns once around.
     volume : Reconstruction, DataArray, (nx, ny, nz) array or path-like
     grid : VoxelGrid, optional
         Of a bare array.
     length_unit, value_unit : str, optional
         The volume's own when None; mm and none for a bare array.
     title : str
+    looks : Looks
+        Surfaces in place of the light, other colours.
 
     Raises
     ------
     ValueError
         If the suffix is another, or the volume has no grid or no finite value.
     """
-    from tomo.draw.suffixes import suffix_of
-
-    suffix, own = suffix_of(path), volume_of(volume, grid)
+    suffix, own = suffix_of(path, TURNING), volume_of(volume, grid)
     unit = length_unit or own.length_unit or "mm"
     value_unit = own.value_unit if value_unit is None else value_unit
     title = title or Path(path).stem
     if suffix == ".png":
         from tomo.draw.volume.volume_picture import write_volume_picture
 
-        write_volume_picture(
-            path, own.data, own.grid, length_unit=unit, value_unit=value_unit, title=title
-        )
+        units = {"length_unit": unit, "value_unit": value_unit}
+        write_volume_picture(path, own.data, own.grid, **units, title=title, looks=looks)
         return
-    from tomo.draw.rig.rig_scene import volume_scene
-    from tomo.draw.volume.isosurface import isosurface_scene
-
-    scene = volume_scene(own.grid, unit) + isosurface_scene(own.data, own.grid, unit)
+    if suffix == TURNING:
+        with atomic_path(path) as temporary:
+            temporary.write_bytes(turning_gif(own.data, own.grid, colours=looks.colours))
+        return
     if suffix == ".glb":
+        from tomo.draw.rig.rig_scene import volume_scene
+        from tomo.draw.volume.isosurface import isosurface_scene
         from tomo.draw.write_glb import write_glb
 
-        write_glb(path, scene)
+        scene = volume_scene(own.grid, unit)
+        write_glb(path, scene + isosurface_scene(own.data, own.grid, unit, looks.levels or LEVELS))
         return
+    from tomo.draw.stage import Shown
     from tomo.draw.write_html import write_html
 
-    write_html(path, scene, title=title, volume=own.data, grid=own.grid, value_unit=value_unit)
+    shown = Shown((own.data,), own.grid, value_unit, looks=looks)
+    write_html(path, Scene(length_unit=unit), title=title, shown=shown)

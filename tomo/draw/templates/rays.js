@@ -1,5 +1,7 @@
-<script>
-"use strict";
+// The panel of camera images: a pixel clicked there shows its line of sight in the stage.
+
+const page = JSON.parse(document.getElementById("page-views").textContent);
+const scene = stages[0], bounds = scene.data.zooms[0].box.map((p) => along(p, scene.data.origin, 1));
 const rays = { drawn: [], view: null, marks: new Map() };
 
 function lagrange(place, count) {
@@ -55,7 +57,6 @@ function crossing(origin, d, box) {
   return leave > Math.max(enter, 0) ? [Math.max(enter, 0), leave] : null;
 }
 
-const along = (origin, d, t) => origin.map((value, a) => value + t * d[a]);
 const written = (p) => p.map((value) => Number(value.toPrecision(5))).join(", ");
 
 function cast(view, u, v) {
@@ -67,7 +68,7 @@ function cast(view, u, v) {
     return;
   }
   const origin = line.origin, d = line.direction;
-  const box = page.box || page.bounds;
+  const box = page.box || bounds;
   const middle = box[0].map((value, a) => (value + box[1][a]) / 2);
   const radius = Math.hypot(...box[0].map((value, a) => box[1][a] - value)) / 2;
   const nearest = middle.reduce((sum, value, a) => sum + (value - origin[a]) * d[a], 0);
@@ -83,17 +84,17 @@ function cast(view, u, v) {
     : " and misses the volume";
   readout.textContent = `${pixel} looks along `
     + `(${written(d.map((value) => Math.round(1e5 * value) / 1e5 + 0))})`
-    + (page.box ? `, passes the volume's middle at ${Number(miss.toPrecision(3))} ${page.unit}${crosses}`
+    + (page.box ? `, passes the volume's middle at ${Number(miss.toPrecision(3))} ${scene.data.unit}${crosses}`
       : "");
   readout.dataset.direction = JSON.stringify(d);
   drawRays();
-  if (!layers.get("clicked rays").visible) choose(layers.get("clicked rays"), true);
+  if (scene.light && !scene.on("clicked rays")) scene.choose("clicked rays", true);
   paint();
 }
 
 function drawRays() {
-  const xyz = [0, 1, 2].map((a) => rays.drawn.flatMap((ray) => [...ray.map((point) => point[a]), null]));
-  Plotly.restyle(plot, { x: [xyz[0]], y: [xyz[1]], z: [xyz[2]] }, layers.get("clicked rays").traces);
+  scene.lines = rays.drawn.map((line) => line.map((point) => along(point, scene.data.origin, -1)));
+  if (scene.light) scene.ask();
 }
 
 function paint() {
@@ -186,16 +187,8 @@ function offerViews() {
   });
   window.addEventListener("resize", paint);
   select(page.views[0].name);
-  const named = new Map(page.views.map((view) => [view.name, view]));
-  drawn.then(() => {
-    plot.on("plotly_click", (event) => {
-      const point = event.points[0], texts = plot.data[point.curveNumber].text;
-      const text = Array.isArray(texts) ? texts[point.pointNumber] : texts;
-      const plain = new DOMParser().parseFromString(text || "", "text/html").body.textContent;
-      if (named.has(plain)) select(plain);
-    });
-  });
+  const named = new Set(page.views.map((view) => view.name));
+  scene.listeners.push((under) => { if (under && named.has(under.name)) select(under.name); });
 }
 
 if (page.views.length) offerViews();
-</script>

@@ -1,0 +1,286 @@
+"""What a page shows of a scene and of the light of a volume: plain data for its script."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from tomo.draw.emission import EYE, LIGHT, Looks, brightest_integral, emission_image, of_integral
+from tomo.draw.figures import with_unit
+from tomo.draw.frame import EYE as RIG_EYE
+from tomo.draw.frame import Up
+from tomo.draw.page import embedded, script_safe, small_png
+from tomo.draw.raycast import render
+from tomo.draw.scene import ColourScale, Mesh, Scene, css
+from tomo.draw.shapes import box_corners
+from tomo.draw.viewpoint import Viewpoint
+from tomo.draw.volume.isosurface import LEVELS, coarsened, reference_value
+from tomo.draw.volume.maps import MAP
+from tomo.grid import VoxelGrid
+
+RAYS, RAY_COLOUR = "clicked rays", "#ff5fc4"
+"""The layer of the rays of pixels that the reader clicked."""
+
+HIDDEN_AT_FIRST = ("arrow names", "other names", "field of view", "images")
+
+_ORDER = (
+    "light", "surfaces", "plane x", "plane y", "plane z", "cameras", "names", "images",
+    "sight lines", "field of view", "arrows", "arrow names", "other cameras", "other names",
+    "moved", "targets", "target names", RAYS, "box",
+)  # fmt: skip
+"""Layers that come first in the list; the others follow in the order of the scene."""
+
+MOST_VOXELS = 8_000_000
+"""Of a page's frames together, four thirds of a byte each: larger volumes are shown by means of
+blocks. Lower: films lose details; higher: pages take long to load."""
+
+_STILL = (480, 480)  # pixels of the picture where the page's script cannot draw
+
+
+@dataclass(frozen=True, eq=False)
+class Shown:
+    """A volume, or the volumes of a film, as a page shows them.
+
+    Attributes
+    ----------
+    frames : sequence of (nx, ny, nz)
+    grid : VoxelGrid
+    value_unit : str
+        Empty if unknown.
+    moments : sequence of (label, position)
+        For each frame of a film; the position along the time axis is 0 to 1.
+    looks : Looks
+        What is shown at first.
+    whole : VoxelGrid, optional
+        The grid of the volumes before they were made coarser.
+    """
+
+    frames: Sequence[NDArray]
+    grid: VoxelGrid
+    value_unit: str = ""
+    moments: Sequence[tuple[str, float]] = ()
+    looks: Looks = LIGHT
+    whole: VoxelGrid | None = None
+
+
+def fitting(volume: NDArray, grid: VoxelGrid, count: int = 1) -> tuple[NDArray, VoxelGrid]:
+    """Return a volume coarse enough that ``count`` of them fit into a page; no NaN is left."""
+    clean = np.nan_to_num(volume, nan=0.0, posinf=0.0, neginf=0.0)
+    return coarsened(clean, grid, max(MOST_VOXELS // count, 1))
+
+
+def stage(
+    scene: Scene,
+    *,
+    up: Up | None = None,
+    grid: VoxelGrid | None = None,
+    shown: Shown | None = None,
+    visible: Sequence[str] = (),
+    close_up: bool = False,
+    turning: bool = False,
+    rays: bool = False,
+    note: str = "",
+) -> dict[str, Any]:
+    """Return what the template of a stage needs: ``data`` as JSON, and a still picture.
+
+    Parameters
+    ----------
+    scene : Scene
+    up : Up, optional
+        Which axis points upward.
+    grid : VoxelGrid, optional
+        Adds buttons that show the whole scene or the box alone, where there is more.
+    shown : Shown, optional
+    visible : sequence of str
+        Groups to show at first that are hidden otherwise: maps, images, names of arrows.
+    close_up : bool
+        Whether to start with the box alone in view.
+    turning : bool
+        Whether the scene turns once when it is opened.
+    rays : bool
+        Whether pixels of camera images are clicked to see their rays.
+    note : str
+        Stands below the controls.
+    """
+    up, scene = up or Up(), scene.on_black()
+    if shown is not None:
+        grid = shown.grid
+    bounds = np.stack([grid.lower, grid.upper]) if grid is not None and shown else scene.bounds
+    if scene.meshes:
+        both = np.stack([bounds, scene.bounds])
+        bounds = np.stack([both.min(axis=(0, 1)), both.max(axis=(0, 1))])
+    origin = np.asarray(grid.center if grid is not None else bounds.mean(axis=0))
+    zooms = _zooms(bounds - origin, grid, "cameras" in scene.groups)
+    lone = "cameras" not in scene.groups
+    azimuth, elevation = EYE if lone else RIG_EYE
+    volume, coarser = _volume(shown, origin, scene.length_unit, up) if shown else (None, "")
+    layers = _layers(scene, visible, shown, rays)
+    data = {
+        "meshes": [part for group in scene.groups for part in _meshes(scene, group, origin)],
+        "labels": [
+            {
+                "text": label.text,
+                "layer": label.group,
+                "position": (label.position - origin).tolist(),
+                "outward": label.outward.tolist(),
+                "colour": css(label.colour),
+            }
+            for label in scene.labels
+        ],
+        "layers": layers,
+        "zooms": zooms,
+        "zoom": len(zooms) - 1 if close_up else 0,
+        "volume": volume,
+        "moments": [] if shown is None else [{"label": a, "at": b} for a, b in shown.moments],
+        "origin": origin.tolist(),
+        "unit": scene.length_unit,
+        "up": {"axis": up.axis, "sign": up.sign},
+        "azimuth": azimuth,
+        "elevation": elevation,
+        "reach": float(np.linalg.norm(np.ptp(bounds, axis=0))),
+        "turning": turning,
+        "note": f"{note} {coarser}".strip(),
+    }
+    on = {layer["name"] for layer in layers if layer["visible"]}
+    box = np.array(zooms[data["zoom"]]["box"]) + origin
+    picture = _still(scene.only(on), shown, box, up, (azimuth, elevation))
+    return {"data": script_safe(json.dumps(data)), "still": embedded(small_png(picture))}
+
+
+def _volume(shown: Shown, origin: NDArray, unit: str, up: Up) -> tuple[dict[str, Any], str]:
+    """Return the frames as bytes on one scale, and words on what was made coarser or cut."""
+    small = [fitting(one, shown.grid, len(shown.frames)) for one in shown.frames]
+    whole, grid = shown.whole or shown.grid, small[0][1]
+    highest = max(reference_value(frame) for frame, _ in small) or 1.0
+    full = max(brightest_integral(frame, grid, up) for frame, _ in small)
+    words = ""
+    if grid != whole:
+        fine, shape = (" x ".join(map(str, one.shape)) for one in (whole, grid))
+        words = f"Shown on {shape} voxels, means of blocks of the volume's {fine}."
+    return {
+        "shape": grid.shape,
+        "lower": (grid.lower - origin).tolist(),
+        "extent": grid.extent.tolist(),
+        "frames": [
+            _base64(np.clip(np.round(frame * (255 / highest)), 0, 255).astype(np.uint8))
+            for frame, _ in small
+        ],
+        "highest": highest,
+        "full": full,
+        "levels": shown.looks.levels or LEVELS[1:2],
+        "colours": _palette(shown.looks.colours),
+        "unit": shown.value_unit,
+        "quantity": with_unit("emission", shown.value_unit),
+        "integral_unit": of_integral(shown.value_unit, unit),
+    }, words
+
+
+def _layers(
+    scene: Scene, visible: Sequence[str], shown: Shown | None, rays: bool
+) -> list[dict[str, Any]]:
+    """Return the page's switches in their order, with the colours that tell them apart."""
+    layers = []
+    for group in scene.groups:
+        parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
+        scale = next((part.scale for part in parts if isinstance(part, Mesh) and part.scale), None)
+        colours = list(dict.fromkeys(css(part.colour) for part in parts))
+        layers.append(
+            {
+                "name": group,
+                "visible": group in visible
+                or not (group in HIDDEN_AT_FIRST or group.startswith(MAP)),
+                "colours": _steps(scale.colours) if scale else colours,
+                "gradient": scale is not None,
+                "exclusive": group.startswith(MAP),
+            }
+        )
+    plain = {"visible": False, "gradient": True, "exclusive": False}
+    if shown:
+        names = ("light", "surfaces", "plane x", "plane y", "plane z")
+        own = [{**plain, "name": name, "colours": _steps(shown.looks.colours)} for name in names]
+        first = 1 if shown.looks.levels else 0
+        own[first]["visible"] = not any(group.startswith(MAP) for group in visible)
+        layers += own
+    if rays:
+        layers.append({**plain, "name": RAYS, "visible": True, "colours": [RAY_COLOUR] * 2})
+    return sorted(layers, key=lambda layer: (*_ORDER, layer["name"]).index(layer["name"]))
+
+
+def _meshes(scene: Scene, group: str, origin: NDArray) -> list[dict[str, Any]]:
+    """Return one part of the page's data for all meshes of a group that look alike."""
+    looks: dict[tuple, list[Mesh]] = {}
+    for mesh in scene.meshes:
+        if mesh.group == group and len(mesh.triangles):
+            looks.setdefault((mesh.colour, mesh.opacity, mesh.scale), []).append(mesh)
+    made = []
+    for alike in looks.values():
+        whole = reduce(Mesh.merged, alike)
+        part = {
+            "group": group,
+            "names": [mesh.name for mesh in alike],
+            "counts": [len(mesh.vertices) for mesh in alike],
+            "colour": whole.colour,
+            "opacity": whole.opacity,
+            "vertices": _base64((whole.vertices - origin).astype(np.float32)),
+            "triangles": _base64(whole.triangles.astype(np.uint32)),
+        }
+        if whole.scale is not None and whole.values is not None:
+            low, high = whole.scale.lower, whole.scale.upper
+            share = np.clip((np.asarray(whole.values, np.float64) - low) / (high - low), 0, 1)
+            steps = np.where(np.isfinite(share), np.round(1 + 254 * np.nan_to_num(share)), 0)
+            part |= {
+                "values": _base64(steps.astype(np.uint8)),
+                "palette": _palette(whole.scale.colours),
+                "span": [low, high],
+                "title": whole.scale.title,
+            }
+        made.append(part)
+    return made
+
+
+def _zooms(bounds: NDArray, grid: VoxelGrid | None, has_cameras: bool) -> list[dict[str, Any]]:
+    """Return the boxes to look at, about the origin: everything, and the volume's."""
+    whole = {"label": "Whole rig" if has_cameras else "Whole view", "box": bounds.tolist()}
+    if grid is None or not has_cameras:
+        return [whole]
+    margin = 0.15 * float(np.linalg.norm(grid.extent))
+    half = grid.extent / 2 + margin
+    return [whole, {"label": "Volume", "box": [(-half).tolist(), half.tolist()]}]
+
+
+def _still(
+    scene: Scene, shown: Shown | None, box: NDArray, up: Up, eye: tuple[float, float]
+) -> NDArray[np.uint8]:
+    """Return the first view without a script: the triangles, and the light over them."""
+    viewpoint = Viewpoint.framing(
+        box_corners(*box), up.eye_direction(*eye), up.vector, _STILL, distance=6
+    )
+    picture = render(scene, viewpoint, 1, (0.0, 0.0, 0.0))
+    if shown is not None:
+        data, grid = fitting(shown.frames[0], shown.grid)
+        scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.looks.colours)
+        picture = picture + scale(emission_image(data, grid, viewpoint))
+    return np.clip(255 * picture, 0, 255).astype(np.uint8)
+
+
+def _palette(colours: str) -> str:
+    scale = ColourScale("", 0.0, 1.0, colours)
+    return _base64(np.round(255 * scale(np.linspace(0, 1, 256))).astype(np.uint8))
+
+
+def _steps(colours: str) -> list[str]:
+    scale = ColourScale("", 0.0, 1.0, colours)
+    return [css(tuple(colour)) for colour in scale(np.linspace(0, 1, 9))]
+
+
+def _base64(values: ArrayLike) -> str:
+    array = np.ascontiguousarray(values)
+    little = array.astype(array.dtype.newbyteorder("<"), copy=False)
+    return base64.b64encode(little.tobytes()).decode("ascii")
