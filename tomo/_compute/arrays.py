@@ -95,10 +95,9 @@ def chosen(condition: Any, one: Any, other: Any) -> Any:
 
 
 def quotient(above: Any, below: Any, otherwise: float = 0.0) -> Any:
-    """Return ``above / below`` where that divisor is positive, ``otherwise`` elsewhere."""
+    """Return ``above / below``, of one shape, where that is positive; elsewhere ``otherwise``."""
     if is_numpy(below):
-        shape = np.broadcast_shapes(np.shape(above), np.shape(below))
-        out = np.full(shape, otherwise, np.result_type(above, below))
+        out = np.full(np.shape(below), otherwise, np.result_type(above, below))
         return np.divide(above, below, out=out, where=np.greater(below, 0))
     xp, positive = namespace(below), below > 0
     return xp.where(positive, above / xp.where(positive, below, 1.0), otherwise)
