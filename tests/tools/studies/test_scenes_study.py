@@ -196,3 +196,15 @@ def test_intervals_are_measured_with_a_camera_out_in_every_field_of_a_half(half)
     found = camera_out(half)
     assert {one.family for one in found} == set(design.FAULTY[half][0])
     assert len(set(found)) == len(found) == 2 * len(camera_out(half, quick=True))
+
+
+@pytest.mark.parametrize("half", HALVES)
+def test_a_quick_measure_of_intervals_has_fine_detail_and_faults(half):
+    from studies.scenes.intervals import FINE, sample
+
+    found = sample(half)
+    assert len(set(found)) == len(found) == 20
+    assert {one.family for one in found} == set(HALVES[half])
+    faulty = [one for one in found if one.fault]
+    assert len(faulty) == len(design.FAULTY[half][0])
+    assert sum(one.family in FINE for one in found if not one.fault) == 4
