@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import Camera, Rig
+from tomo.draw.figures import raised
 from tomo.draw.frame import Up
 from tomo.draw.scene import ColourScale
 from tomo.draw.shapes import box_corners
@@ -113,13 +114,16 @@ def brightest_integral(data: NDArray, grid: VoxelGrid, up: Up) -> float:
 
     Seen along the upward axis a flame is brighter than that, and its middle has the last colour.
     """
-    sums = [np.nansum(data, axis=axis).max() * grid.spacing[axis] for axis in up.level]
+    sums = [
+        np.nansum(data, axis=axis, dtype=np.float64).max() * grid.spacing[axis]
+        for axis in up.level
+    ]
     most = float(max(0.0, *sums))
     if not (most > 0 and math.isfinite(most)):
         return 1.0
     power = 10.0 ** math.floor(math.log10(most))
     steps = np.array([1, 1.25, 1.5, 2, 2.5, 3, 4, 5, 6, 8, 10]) * power
-    return float(steps[min(np.searchsorted(steps, most), len(steps) - 1)])
+    return float(steps[min(int(np.searchsorted(steps, most)), len(steps) - 1)])
 
 
 def of_integral(value_unit: str, length_unit: str) -> str:
@@ -129,7 +133,7 @@ def of_integral(value_unit: str, length_unit: str) -> str:
     ('counts', 'emission × mm')
     """
     unit = value_unit.removesuffix(f" per {length_unit}")
-    return unit if unit != value_unit else f"{value_unit or 'emission'} × {length_unit}"
+    return raised(unit if unit != value_unit else f"{value_unit or 'emission'} × {length_unit}")
 
 
 def eye_of(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 from typing import TYPE_CHECKING
 
 from rigs.files import atomic_path
@@ -41,13 +42,23 @@ def plain(text: str) -> str:
     return text.replace("$", r"\$")
 
 
+def raised(unit: str) -> str:
+    """Return a unit as a physicist writes it, with raised powers.
+
+    >>> raised("photons/s/m^3/sr")
+    'photons/s/m³/sr'
+    """
+    digits = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+    return re.sub(r"\^(-?\d+)", lambda found: found[1].translate(digits), unit)
+
+
 def with_unit(quantity: str, unit: str) -> str:
     """Return the words of an axis or a colour bar: the quantity, and its unit if it is known.
 
     >>> with_unit("emission", "W/m^3/sr")
-    'emission (W/m^3/sr)'
+    'emission (W/m³/sr)'
     """
-    return f"{quantity} ({unit})" if unit else quantity
+    return f"{quantity} ({raised(unit)})" if unit else quantity
 
 
 def short_numbers(bar: Axes) -> None:

@@ -118,7 +118,7 @@ def render(
     caster = _Caster(scene, viewpoint)
     steps = (np.arange(supersample) + 0.5) / supersample - 0.5
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2)
-    picture = np.tile(np.float32(ground), (height, width, 1))
+    picture = np.tile(np.array(ground, np.float32), (height, width, 1))
     rows, columns = np.nonzero(_may_see(scene, viewpoint))
     pixels_at_once = max(1, _RAYS_AT_ONCE // supersample**2)
     for first in range(0, len(rows), pixels_at_once):

@@ -13,12 +13,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.draw.emission import EYE, LIGHT, Looks, brightest_integral, emission_image, of_integral
-from tomo.draw.figures import with_unit
+from tomo.draw.figures import raised, with_unit
 from tomo.draw.frame import EYE as RIG_EYE
 from tomo.draw.frame import Up
 from tomo.draw.page import embedded, script_safe, small_png
 from tomo.draw.raycast import render
-from tomo.draw.scene import ColourScale, Mesh, Scene, css
+from tomo.draw.scene import ColourScale, Label, Mesh, Scene, css
 from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.isosurface import LEVELS, coarsened, reference_value
@@ -176,7 +176,7 @@ def _volume(shown: Shown, origin: NDArray, unit: str, up: Up) -> tuple[dict[str,
         "full": full,
         "levels": shown.looks.levels or LEVELS[1:2],
         "colours": _palette(shown.looks.colours),
-        "unit": shown.value_unit,
+        "unit": raised(shown.value_unit),
         "quantity": with_unit("emission", shown.value_unit),
         "integral_unit": of_integral(shown.value_unit, unit),
     }, words
@@ -188,7 +188,8 @@ def _layers(
     """Return the page's switches in their order, with the colours that tell them apart."""
     layers = []
     for group in scene.groups:
-        parts = [part for part in (*scene.meshes, *scene.labels) if part.group == group]
+        everything: list[Mesh | Label] = [*scene.meshes, *scene.labels]
+        parts = [part for part in everything if part.group == group]
         scale = next((part.scale for part in parts if isinstance(part, Mesh) and part.scale), None)
         colours = list(dict.fromkeys(css(part.colour) for part in parts))
         layers.append(
@@ -266,7 +267,8 @@ def _still(
     if shown is not None:
         data, grid = fitting(shown.frames[0], shown.grid)
         scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.looks.colours)
-        picture = picture + scale(emission_image(data, grid, viewpoint))
+        light = scale(emission_image(data, grid, viewpoint)).astype(np.float32)
+        picture = picture + light
     return np.clip(255 * picture, 0, 255).astype(np.uint8)
 
 

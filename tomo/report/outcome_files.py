@@ -93,7 +93,7 @@ def write_outcome(
         if with_pictures:
             with as_warning("flame.html, rig.html: not drawn", report["warnings"]):
                 _write_pages(staging, results)
-        files = sorted(path.name for path in staging.iterdir())
+        files = sorted([*(path.name for path in staging.iterdir()), FIGURES])
         about = About(Path(folder), command, files)
         write_report(staging / PAGE, report, results, pictures, about)
         if outcome.refined_rig is not None:

@@ -95,9 +95,7 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
         (
             True,
             "flame",
-            lambda: draw_volume(
-                results.volume, grid, **units, title=f"Reconstruction, {results.method}"
-            ),
+            lambda: draw_volume(results.volume, grid, **units, title="Reconstruction"),
             f"The reconstructed emission{_in_units(results)}: its light as a camera sees it, and "
             "planes through the middle of the volume.",
             "The light of the reconstructed volume, and three slices.",

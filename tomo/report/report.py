@@ -116,14 +116,13 @@ def _stage(results: Results) -> dict:
 def _about(report: Mapping, results: Results) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
     grid, unit = results.grid, results.rig.length_unit
-    size, voxels = (" x ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
+    size, voxels = (" × ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
     used = sum(view.takes_part for view in results.views) or len(results.rig)
     frame = (report.get("scan") or {}).get("frame")
     return (
         f"Emission in {size} {unit} ({voxels} voxels) from {used} camera"
-        f"{'s' if used != 1 else ''}, "
-        + (f"frame {str(frame).removeprefix('frame_')}, " if frame else "")
-        + f"method {report.get('method', results.method)}."
+        f"{'s' if used != 1 else ''}"
+        + (f", frame {str(frame).removeprefix('frame_')}." if frame else ".")
     )
 
 

@@ -75,7 +75,7 @@ def write_series_report(
 def _about(table: SeriesTable) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
     grid, about = table.store.grid, table.store.attributes
-    size, voxels = (" x ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
+    size, voxels = (" × ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
     used = len(set(table.cameras) - set(about["options"].get("hold_out") or []))
     return (
         f"Emission in {size} {about['length_unit']} ({voxels} voxels) from {used} camera"

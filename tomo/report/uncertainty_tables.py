@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from tomo.draw.figures import raised
 from tomo.pipeline.answer import HARMFUL
 from tomo.pipeline.verdict import expected_error, least_measured
 from tomo.report.words import advice, short_unit
@@ -26,7 +27,7 @@ def trust_figures(report: Mapping, length_unit: str) -> Rows:
     length_unit : str
     """
     condition = report.get("uncertainty") or {}
-    unit = (report.get("emission") or {}).get("unit", "")
+    unit = raised((report.get("emission") or {}).get("unit", ""))
     return [
         *_of_intervals(report, condition.get("intervals"), unit, length_unit),
         *_of_total(report, condition.get("intervals")),
@@ -112,7 +113,7 @@ def _of_resolution(found: Mapping | None, length: str) -> Rows:
     if not found:
         return []
     lengths, voxels = (
-        " x ".join(f"{width:.2g}" for width in found[key]) for key in ("length", "voxels")
+        " × ".join(f"{width:.2g}" for width in found[key]) for key in ("length", "voxels")
     )
     return [
         (

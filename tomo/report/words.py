@@ -7,6 +7,7 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from tomo.draw.figures import raised
 from tomo.pipeline.verdict import MEANS
 
 
@@ -47,11 +48,11 @@ def short_unit(unit: str) -> str:
     """Return a unit of a total with powers of the length put together.
 
     >>> short_unit("full scales per mm mm^3")
-    'full scales mm^2'
+    'full scales mm²'
     """
     value, _, length = unit.rpartition(" per ")
     own, _, cubed = length.partition(" ")
-    return f"{value} {own}^2" if value and cubed == f"{own}^3" else unit
+    return raised(f"{value} {own}^2" if value and cubed == f"{own}^3" else unit)
 
 
 def verdict_part(verdict: Mapping[str, Any] | None) -> dict[str, Any] | None:

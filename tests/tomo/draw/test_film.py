@@ -4,9 +4,9 @@ import json
 import numpy as np
 import pytest
 from PIL import Image
+from tomo.draw.film.panels import LARGEST, palette, panels, png_of, shrunk
 
 from tomo.draw.film.chart import BINS, HIGH, WIDE, chart, polylines
-from tomo.draw.film.panels import LARGEST, palette, panels, png_of, shrunk
 from tomo.draw.film.player import MOST_FRAMES, film_of, write_film_page
 from tomo.grid import VoxelGrid
 

@@ -4,20 +4,21 @@ import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, Rig, look_at, ring
-from tomo.draw import write_html
+from tomo.draw import Scene, write_html
 from tomo.draw.rig import rig_scene
 from tomo.draw.rig.camera_view import camera_views
 from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
 from tomo.draw.rig.rig_page import check_on_grid, check_table
-from tomo.draw.rig.rig_scene import Target, up_of, volume_scene
+from tomo.draw.rig.rig_scene import Target, up_of
 from tomo.draw.rig.thumbnails import image_scene
+from tomo.draw.stage import Shown
 from tomo.grid import VoxelGrid
 
 GRID = VoxelGrid((12, 20, 12), 1.0, (3.0, 0.0, -2.0))
 HOSTILE = "<img src=x onerror=alert(1)> & 'x'"
 
 SHOWN = """
-const boxes = [...document.querySelectorAll("#label-layer span")]
+const boxes = [...document.querySelectorAll(".names span:not(.number)")]
   .filter((span) => span.style.visibility === "visible")
   .map((span) => { const b = span.getBoundingClientRect();
                    return [span.textContent, b.left, b.top, b.right, b.bottom]; });
@@ -52,7 +53,7 @@ def page(lenses, tmp_path_factory):
     check, coarse = check_on_grid(lenses, GRID)
     maps = coverage_maps(check, coarse)
     volume = np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 9).astype(np.float32)
-    scene = rig_scene(lenses, GRID, volume) + coverage_scene(maps, coarse)
+    scene = rig_scene(lenses, GRID) + coverage_scene(maps, coarse)
     scene += image_scene(lenses, Target.of(lenses, GRID), images)
     write_html(
         path,
@@ -60,7 +61,7 @@ def page(lenses, tmp_path_factory):
         title="five lenses",
         up=up_of(lenses),
         grid=GRID,
-        volume=volume,
+        shown=Shown((volume,), GRID),
         views=camera_views(lenses, GRID, images),
         tables=[check_table(check)],
     )
@@ -72,44 +73,63 @@ def opened(open_page, page):
     return open_page(page, (1150, 720))
 
 
-def test_no_button_sends_the_rig_to_anyone(opened):
-    titles = opened.evaluate(
-        "return [...document.querySelectorAll('.modebar-btn')].map((b) => b.dataset.title);"
-    )
-    assert any(title.startswith("Download") for title in titles)
-    assert not [title for title in titles if "hare" in title or "loud" in title]
-    assert opened.evaluate("return plot._context.plotlyServerURL;") == ""
-
-
 def test_every_layer_switches_what_it_names_and_maps_replace_each_other(opened):
     found = opened.evaluate(
         """
         const state = () => Object.fromEntries([...document.querySelectorAll("[data-layer]")].map(
           (box) => [box.dataset.layer, box.checked]));
-        const drawn = () => Object.fromEntries(page.layers.filter((l) => l.traces.length).map(
-          (l) => [l.name, l.traces.every((k) => plot.data[k].visible === true)]));
         const press = async (name) => {
           document.querySelector(`[data-layer="${name}"]`).click();
           await pause(20);
-          return [state(), drawn()];
+          return [state(), [...stages[0].visible()]];
         };
-        const out = { first: [state(), drawn()] };
+        const out = { first: [state(), [...stages[0].visible()]] };
         for (const name of Object.keys(state())) out[name] = await press(name);
         return out;
         """,
     )
     names = list(found["first"][0])
     expected = {"cameras", "names", "images", "sight lines", "box", "clicked rays"}
-    assert expected | {"map: views", "map: details", "map: emission"} <= set(names)
+    planes = {"light", "surfaces", "plane x", "plane y", "plane z"}
+    assert expected | planes | {"map: views", "map: details"} <= set(names)
     state = dict(found["first"][0])
     for name in names:
         state[name] = not state[name]
         if name.startswith("map: ") and state[name]:
             state |= {other: False for other in names if other.startswith("map") and other != name}
+        if state[name] and name.startswith(("map: ", "plane ", "surfaces")):
+            state["light"] = False  # it would change their colours
         checked, drawn = found[name]
         assert checked == state
-        assert drawn == {layer: checked[layer] for layer in drawn}
+        assert set(drawn) == {layer for layer in names if checked[layer]}
     assert sum(checked[name] for name in names if name.startswith("map: ")) == 1
+
+
+def test_what_a_layer_switches_off_is_not_drawn(opened):
+    lit = opened.evaluate(
+        """
+        const stage = stages[0], out = [];
+        const bright = () => {
+          stage.rest();
+          stage.now();
+          const { gl, canvas } = stage.light, bytes = new Uint8Array(4 * canvas.width * canvas.height);
+          gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
+          return bytes.filter((value, k) => k % 4 < 3 && value > 40).length;
+        };
+        const before = new Set(stage.visible());
+        for (const name of stage.layers.keys()) stage.choose(name, false);
+        out.push(bright());
+        for (const name of ["cameras", "map: views", "light", "plane x"]) {
+          stage.choose(name, true);
+          out.push(bright());
+          stage.choose(name, false);
+        }
+        for (const name of before) stage.choose(name, true);
+        return out;
+        """
+    )
+    assert lit[0] == 0
+    assert min(lit[1:]) > 50
 
 
 def test_a_clicked_pixel_s_ray_is_the_camera_s_own(opened, lenses):
@@ -130,14 +150,13 @@ def test_a_clicked_pixel_s_ray_is_the_camera_s_own(opened, lenses):
             document.getElementById("row").value = v;
             document.getElementById("cast").click();
           }}
-          const trace = plot.data[layers.get("clicked rays").traces[0]];
-          out[name] = [trace.x, trace.y, trace.z];
+          out[name] = rays.drawn;
         }}
         return out;
         """,
     )
     for camera in lenses[:4]:
-        points = np.array(found[camera.name], float).T.reshape(6, 3, 3)  # start, end, nothing
+        points = np.array(found[camera.name], float)  # six rays, start and end
         np.testing.assert_allclose(points[:, 0], np.tile(camera.position, (6, 1)), rtol=1e-12)
         drawn = points[:, 1] - points[:, 0]
         drawn /= np.linalg.norm(drawn, axis=1, keepdims=True)
@@ -205,74 +224,81 @@ def test_beside_the_lens_there_is_no_ray_and_the_page_says_so(opened, lenses):
           document.getElementById("cast").click();
           out.push(document.getElementById("ray").textContent);
         }
-        return [out, plot.data[layers.get("clicked rays").traces[0]].x.length];
+        return [out, rays.drawn.length, stages[0].lines.length];
         """,
     )
     assert "maps no direction" in found[0][0]
     assert "crosses the volume" in found[0][1]
-    assert found[1] == 3
+    assert found[1:] == [1, 1]
 
 
 def test_orbit_and_zoom_by_mouse_and_the_names_follow(opened):
     browser = opened
     state = f"""
-        const eye = plot._fullLayout.scene._scene.getCamera().eye;
+        const stage = stages[0];
         {SHOWN}
-        return [[eye.x, eye.y, eye.z], boxes, plot.layout.scene.xaxis.range];
+        return [[stage.azimuth, stage.elevation, stage.distance], boxes, stage.box];
     """
 
     def mouse(kind, x, y, **options):
         browser.command("Input.dispatchMouseEvent", type=kind, x=x, y=y, **options)
 
-    eye, boxes, _ = browser.evaluate(state)
-    mouse("mouseMoved", 600, 400)
-    mouse("mousePressed", 600, 400, button="left", buttons=1, clickCount=1)
+    eye, boxes, whole = browser.evaluate(state)
+    mouse("mouseMoved", 300, 400)
+    mouse("mousePressed", 300, 400, button="left", buttons=1, clickCount=1)
     for step in range(1, 9):
-        mouse("mouseMoved", 600 + 15 * step, 400 + 5 * step, button="left", buttons=1)
-    mouse("mouseReleased", 720, 440, button="left", clickCount=1)
-    browser.evaluate("await pause(500);")
-    turned_eye, turned_boxes, whole = browser.evaluate(state)
-    assert np.linalg.norm(np.subtract(eye, turned_eye)) > 0.1
-    assert np.linalg.norm(turned_eye) == pytest.approx(np.linalg.norm(eye), rel=0.02)
+        mouse("mouseMoved", 300 + 15 * step, 400 + 5 * step, button="left", buttons=1)
+    mouse("mouseReleased", 420, 440, button="left", clickCount=1)
+    browser.evaluate("await pause(300);")
+    turned_eye, turned_boxes, _ = browser.evaluate(state)
+    assert abs(turned_eye[0] - eye[0]) > 0.5
+    assert turned_eye[1] > eye[1] + 0.1  # what is dragged down shows more of its top
+    assert turned_eye[2] == eye[2]
     assert turned_boxes != boxes
-    mouse("mouseWheel", 640, 420, deltaX=0, deltaY=-300)
-    browser.evaluate("await pause(700);")
-    near_eye = browser.evaluate(state)[0]
-    assert np.linalg.norm(near_eye) < 0.95 * np.linalg.norm(eye)
-    press = 'document.querySelectorAll("#zooms button")[{}].click(); await pause(500);'
-    close = browser.evaluate(press.format(1) + state)[2]
-    assert np.ptp(close) < 0.3 * np.ptp(whole)
-    assert close[0] < GRID.lower[0] < GRID.upper[0] < close[1]
-    assert browser.evaluate(press.format(0) + state)[2] == pytest.approx(whole)
+    mouse("mouseWheel", 340, 420, deltaX=0, deltaY=-300)
+    browser.evaluate("await pause(300);")
+    assert browser.evaluate(state)[0][2] < 0.95 * eye[2]
+    press = 'document.querySelectorAll(".zooms button")[{}].click(); await pause(300);'
+    close = np.array(browser.evaluate(press.format(1) + state)[2])
+    assert np.ptp(close[:, 0]) < 0.3 * np.ptp(np.array(whole)[:, 0])
+    assert (close[0] < GRID.lower - GRID.center).all()
+    assert (close[1] > GRID.upper - GRID.center).all()
+    assert browser.evaluate(press.format(0) + state)[2] == whole
 
 
 def test_hostile_names_are_text_and_a_clicked_camera_is_chosen(opened):
     found = opened.evaluate(
         """
         const out = [...document.getElementById("camera").options].map((option) => option.value);
-        const chosen = [];
+        const stage = stages[0], chosen = [], told = [];
+        stage.zoom(0);
+        for (const name of stage.layers.keys()) stage.choose(name, name === "cameras");
+        await pause(300);
         for (const index of [0, 3]) {
-          let curve = -1, point = -1;
-          plot.data.forEach((trace, c) => {
-            if (trace.name !== "cameras") return;
-            const texts = Array.isArray(trace.text) ? trace.text : [trace.text];
-            const plain = (t) => new DOMParser().parseFromString(t, "text/html");
-            const shown = texts.map((t) => plain(t).body.textContent);
-            const place = shown.indexOf(out[index]);
-            if (place >= 0) { curve = c; point = place; }
-          });
-          plot.emit("plotly_click", { points: [{ curveNumber: curve, pointNumber: point }] });
+          const part = stage.light.batches.find((one) => one.mesh.group === "cameras"
+            && one.mesh.opacity < 1 && one.mesh.names.includes(out[index]));
+          const before = part.mesh.counts.slice(0, part.mesh.names.indexOf(out[index]));
+          const start = 3 * before.reduce((a, b) => a + b, 0);
+          const at = stage.point([...part.positions.slice(start, start + 3)]);
+          const bounds = stage.canvas.getBoundingClientRect();
+          const event = { offsetX: at.x, offsetY: at.y, clientX: bounds.left + at.x,
+            clientY: bounds.top + at.y, pointerId: 1, bubbles: true };
+          const under = stage.under(event);
+          told.push(under && under.name);
+          for (const heard of stage.listeners) heard(under);
           chosen.push(document.getElementById("camera").value);
         }
-        return { names: out, chosen: chosen, images: document.querySelectorAll("img").length,
-                 rows: [...document.querySelectorAll("#tables td:first-child")].map(
+        for (const name of stage.layers.keys())
+          stage.choose(name, stage.data.layers.find((one) => one.name === name).visible);
+        return { names: out, chosen, told, images: document.querySelectorAll("img").length,
+                 rows: [...document.querySelectorAll(".tables tbody th")].map(
                    (cell) => cell.textContent) };
         """,
     )
     assert found["names"] == ["pinhole", "bent", "wide", HOSTILE, "folded"]
-    assert found["chosen"] == ["pinhole", HOSTILE]
+    assert found["told"] == found["chosen"] == ["pinhole", HOSTILE]
     assert found["rows"] == found["names"]
-    assert found["images"] == 0
+    assert found["images"] == 1  # the still picture
 
 
 def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
@@ -282,10 +308,9 @@ def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
     found = open_page(tmp_path / "r.html").evaluate(
         f"""
         const out = [];
-        for (const eye of [[1.2, 1.1, 2], [2.4, 0.1, 0], [0.01, 2.6, 0], [-0.3, 0.5, 1.1]]) {{
-          const [x, y, z] = eye;
-          await Plotly.relayout(plot, {{ "scene.camera.eye": {{ x: x, y: y, z: z }} }});
-          await pause(400);
+        for (const [azimuth, elevation] of [[0.5, 0.5], [0, 0.04], [0, 1.5], [-1.3, 0.4]]) {{
+          Object.assign(stages[0], {{ azimuth, elevation }});
+          stages[0].now();
           {SHOWN}
           out.push(boxes);
         }}
@@ -312,15 +337,17 @@ def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
 def test_the_whole_box_is_in_the_pane_at_first_and_after_a_zoom(open_page, tmp_path, shape):
     grid = VoxelGrid(shape, 1.0, (3.0, 0.0, -2.0))
     rig = ring(6, distance=400.0, image_size=(64, 64), footprint=0.5, center=grid.center)
-    write_html(tmp_path / "volume.html", volume_scene(grid), grid=grid)
+    data = np.ones(shape, np.float32)
+    write_html(tmp_path / "volume.html", Scene(), shown=Shown((data,), grid))
     write_html(tmp_path / "rig.html", rig_scene(rig, grid), grid=grid)
     corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
     seen = f"""
         await pause(400);
-        const view = projector();
-        return [view.width, view.height, {corners.tolist()}.map((corner) => view.point(corner))];
+        const stage = stages[0], canvas = stage.canvas, origin = stage.data.origin;
+        return [canvas.clientWidth, canvas.clientHeight, {corners.tolist()}.map(
+          (corner) => stage.point(along(corner, origin, -1)))];
     """
-    press = 'document.querySelectorAll("#zooms button")[1].click();'
+    press = 'document.querySelectorAll(".zooms button")[1].click();'
     for size in ((1400, 700), (700, 1000)):
         for name, before in (("volume", ""), ("rig", press)):
             opened = open_page(tmp_path / f"{name}.html", size)

@@ -64,6 +64,8 @@ class FilmPicture:
     @cached_property
     def _empty(self) -> tuple[NDArray[np.uint8], Viewpoint]:
         """The picture without values, and the eye that sees it."""
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+
         across = np.hypot(*self.grid.extent[[0, 2]]) / self.grid.extent[1]
         width = np.clip(0.85 * HEIGHT * across + 2.2, 5.0, WIDEST)
         figure = new_figure(round(width * DPI / 2) * 2 / DPI, HEIGHT, DPI)
@@ -78,5 +80,6 @@ class FilmPicture:
         )  # fmt: skip
         figure.text(0.5, 1 - 0.2 / HEIGHT, self.title, fontsize=10, color=LIGHT_INK, ha="center",
                     va="center", parse_math=False)  # fmt: skip
-        figure.canvas.draw()
-        return np.asarray(figure.canvas.buffer_rgba())[..., :3].copy(), viewpoint
+        canvas = FigureCanvasAgg(figure)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy(), viewpoint

@@ -55,8 +55,10 @@ def visualize_volume(
     if suffix == ".png":
         from tomo.draw.volume.volume_picture import write_volume_picture
 
-        units = {"length_unit": unit, "value_unit": value_unit}
-        write_volume_picture(path, own.data, own.grid, **units, title=title, looks=looks)
+        write_volume_picture(
+            path, own.data, own.grid, length_unit=unit, value_unit=value_unit, title=title,
+            looks=looks,
+        )  # fmt: skip
         return
     if suffix == TURNING:
         with atomic_path(path) as temporary:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
 from tomo.draw.emission import EYE, LIGHT, Looks
-from tomo.draw.figures import INK, MUTED, new_figure, save_figure, with_unit
+from tomo.draw.figures import INK, MUTED, new_figure, raised, save_figure, with_unit
 from tomo.draw.rig.rig_scene import volume_scene
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.shapes import box_corners
@@ -70,13 +70,13 @@ def draw_volume(
     sight = min(max(3.2 * across + 1.9, 2.6), 5.0)  # inches of the light's width
     size = sight + 0.2 + row_size(grid, inches)[0], _HEIGHT
     figure = new_figure(*size, dpi=_DPI)
-    place = {"x": 0.12 / size[0], "va": "center", "parse_math": False}
+    place: dict[str, Any] = {"x": 0.12 / size[0], "va": "center", "parse_math": False}
     figure.text(
         **place, y=1 - 0.24 / _HEIGHT, s=title or "Volume", fontsize=11, weight="bold", color=INK
     )
     sizes = " × ".join(f"{length:.4g}" for length in grid.extent)
     counts = " × ".join(str(n) for n in grid.shape)
-    values = f"values {data.min():.3g} to {data.max():.3g} {value_unit}".strip()
+    values = f"values {data.min():.3g} to {data.max():.3g} {raised(value_unit)}".strip()
     words = f"{sizes} {length_unit}, {counts} voxels, {values}"
     figure.text(**place, y=1 - 0.47 / _HEIGHT, s=words, fontsize=8, color=MUTED)
     rect = (0.12 / size[0], 0.12 / _HEIGHT, sight / size[0], 1 - 0.8 / _HEIGHT)
