@@ -112,7 +112,8 @@ def test_what_a_layer_switches_off_is_not_drawn(opened):
         const bright = () => {
           stage.rest();
           stage.now();
-          const { gl, canvas } = stage.light, bytes = new Uint8Array(4 * canvas.width * canvas.height);
+          const { gl, canvas } = stage.light;
+          const bytes = new Uint8Array(4 * canvas.width * canvas.height);
           gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
           return bytes.filter((value, k) => k % 4 < 3 && value > 40).length;
         };
