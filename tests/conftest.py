@@ -33,8 +33,8 @@ def one_ray_a_pixel():
     """Draw scenes without smoothed edges: these take most of a small run's time."""
     from tomo.draw import raycast, still
 
-    def coarse(scene, viewpoint, supersample):
-        return raycast.render(scene, viewpoint, supersample=1)
+    def coarse(scene, viewpoint, supersample, *ground):
+        return raycast.render(scene, viewpoint, 1, *ground)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(still, "render", coarse)

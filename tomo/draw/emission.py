@@ -118,7 +118,15 @@ def brightest_integral(data: NDArray, grid: VoxelGrid, up: Up) -> float:
         np.nansum(data, axis=axis, dtype=np.float64).max() * grid.spacing[axis]
         for axis in up.level
     ]
-    most = float(max(0.0, *sums))
+    return end_of_scale(float(max(0.0, *sums)))
+
+
+def end_of_scale(most: float) -> float:
+    """Return the round number at or above the largest one; 1 where there is none above zero.
+
+    >>> end_of_scale(7.1), end_of_scale(0.0)
+    (8.0, 1.0)
+    """
     if not (most > 0 and math.isfinite(most)):
         return 1.0
     power = 10.0 ** math.floor(math.log10(most))

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.emission import LIGHT, Looks, brightest_integral, emission_image, of_integral
+from tomo.draw.emission import LIGHT, Looks, emission_image, end_of_scale, of_integral
 from tomo.draw.figures import INK, LIGHT_INK, LIGHT_MUTED, MUTED
 from tomo.draw.labels import LabelPlacer
 from tomo.draw.raycast import render
@@ -103,8 +103,8 @@ def show_light(
 ) -> LabelPlacer:
     """Draw a volume's light and a scene on black, with axes round ``bounds`` and a colour bar.
 
-    Surfaces on white where the looks ask for them. ``full`` is the end of the colours,
-    `brightest_integral` when None.
+    Surfaces on white where the looks ask for them. ``full`` is the end of the colours, a round
+    number above the brightest pixel when None.
     """
     if looks.levels:
         from tomo.draw.volume.isosurface import isosurface_scene
@@ -114,9 +114,10 @@ def show_light(
         axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
                   va="top", transform=axes.transAxes)  # fmt: skip
         return show_scene(axes, scene, viewpoint, bounds, up, supersample)
-    full = full or brightest_integral(data, grid, up)
+    integrals = emission_image(data, grid, viewpoint)
+    full = full or end_of_scale(float(integrals.max()))
     scale = ColourScale(of_integral(value_unit, scene.length_unit), 0.0, full, looks.colours)
-    light = scale(emission_image(data, grid, viewpoint))
+    light = scale(integrals)
     placer = show_scene(axes, scene, viewpoint, bounds, up, supersample, light)
     dpi = axes.figure.dpi
     tall = 0.3 * viewpoint.size[1]

@@ -1,6 +1,7 @@
 """The page of a calibration: does it say what the calibration found, and load nothing?"""
 
 import html
+import json
 import re
 from dataclasses import replace
 
@@ -107,13 +108,22 @@ def test_the_guilty_camera_is_marked_and_no_other(page):
     assert re.findall('class="blamed"><th scope="row">(.*?)<', table) == ["cam&lt;1&gt;"]
 
 
+def drawn(page):
+    """Return the data of the page's drawing, and the page without scripts."""
+    (data,) = re.findall(r'"application/json">(.*?)</script>', page, re.DOTALL)
+    # a browser refuses NaN and Infinity
+    read = json.loads(data, parse_constant=lambda found: pytest.fail(f"{found} in JSON"))
+    return read, re.sub("<(script|style).*?</\\1>", "", page, flags=re.DOTALL)
+
+
 def test_the_page_loads_nothing_and_escapes_names(page):
     assert "default-src 'none'" in page
-    outside = page.split("srcdoc=")[0] + page.split("</iframe>")[1]
+    data, outside = drawn(page)
     assert not re.findall(r"""(?:src|href)=["'](?!data:)""", outside)
-    assert outside.count("data:image/png;base64,") == 4
+    assert outside.count("data:image/png;base64,") == 5  # four figures, and the drawing's still
     assert "<title>Rig &lt;A&gt;</title>" in page
-    assert "cam<1>" not in outside
+    assert "cam<1>" not in page
+    assert {label["text"] for label in data["labels"]} >= {"cam0", "cam<1>", "cam2"}
     assert str(BOARD) in page
 
 
@@ -125,7 +135,9 @@ def test_the_page_is_whole_without_images_and_with_one_camera(tmp_path):
     text = (tmp_path / "calibration.html").read_text("utf-8")
     assert "Images that fit worst" not in text
     assert "predicted ray-miss" not in text
-    assert "nan" not in html.unescape(re.sub("<[^>]*>", "", text.split("srcdoc=")[0]))
+    data, outside = drawn(text)
+    assert data["meshes"]
+    assert "nan" not in html.unescape(re.sub("<[^>]*>", "", outside))
 
 
 def test_the_worst_image_is_the_one_with_wrong_points(calibration):

@@ -1,55 +1,77 @@
-import io
+import base64
 import json
 
 import numpy as np
 import pytest
-from PIL import Image
-from tomo.draw.film.panels import LARGEST, palette, panels, png_of, shrunk
 
+from tomo.draw import Scene
 from tomo.draw.film.chart import BINS, HIGH, WIDE, chart, polylines
-from tomo.draw.film.player import MOST_FRAMES, film_of, write_film_page
+from tomo.draw.film.player import MOST_FRAMES, film_of
+from tomo.draw.scene import ColourScale
+from tomo.draw.stage import MOST_VOXELS, fitting, stage
+from tomo.draw.volume.isosurface import reference_value
 from tomo.grid import VoxelGrid
 
 GRID = VoxelGrid((6, 9, 4), (1.0, 0.5, 2.0), (0.0, 3.0, 0.0))
-HOSTILE = "</script><b>x & 'y'"
 
 
 def volume_of(time):
     volume = np.zeros(GRID.shape, np.float32)
-    volume[time % 6, 7, 1] = 2.0
+    volume[time % 6, 7, 1] = 2.0 + time
     return volume
 
 
 @pytest.fixture(scope="module")
 def film():
-    moments = [(f"{HOSTILE} {time}", time / 5, volume_of(time)) for time in range(6)]
-    return film_of(moments, GRID, "mm", HOSTILE)
+    """Return the data that a page has of a film of six frames."""
+    moments = [(f"frame {time}", time / 5, volume_of(time)) for time in range(6)]
+    shown = film_of(moments, 6, GRID, "W/m^3")
+    return json.loads(stage(Scene(), shown=shown)["data"])
 
 
-def test_panels_show_x_to_the_right_and_y_upward():
-    found = {one.name: one for one in panels(volume_of(4), GRID)}
-    front = found["maximum along z"]
-    assert front.values.shape == (9, 6)
-    assert np.argwhere(front.values).tolist() == [[1, 4]]  # y = 7 of 9 from below
-    assert front.size == (6.0, 4.5)
-    assert len(found) == 6
+def numbers(text):
+    return np.frombuffer(base64.b64decode(text), np.uint8)
+
+
+def test_every_frame_has_its_own_volume_on_one_scale(film):
+    volume = film["volume"]
+    assert volume["shape"] == list(GRID.shape)
+    highest = volume["highest"]
+    assert highest == reference_value(volume_of(5))
+    for time, frame in enumerate(volume["frames"]):
+        expected = np.clip(np.round(volume_of(time) * (255 / highest)), 0, 255)
+        assert np.array_equal(numbers(frame).reshape(GRID.shape), expected)
+    assert [one["at"] for one in film["moments"]] == [0, 0.2, 0.4, 0.6, 0.8, 1]
+    assert [one["label"] for one in film["moments"]] == [f"frame {time}" for time in range(6)]
+
+
+def test_the_page_has_the_colours_of_the_scale(film):
+    expected = ColourScale("", 0, 1, "inferno")(np.linspace(0, 1, 256))
+    found = numbers(film["volume"]["colours"]).reshape(256, 3)
+    np.testing.assert_allclose(found / 255, expected, atol=0.5 / 255 + 1e-9)
+    assert film["volume"]["quantity"] == "emission (W/m³)"
 
 
 def test_voxels_that_nobody_sees_are_dark():
     volume = np.full(GRID.shape, np.nan, np.float32)
-    assert all((one.values == 0).all() for one in panels(volume, GRID))
+    data = json.loads(stage(Scene(), shown=film_of([("a", 0.0, volume)], 1, GRID))["data"])
+    assert (numbers(data["volume"]["frames"][0]) == 0).all()
 
 
-def test_pngs_have_the_colours_of_the_scale():
-    steps = np.arange(256, dtype=np.uint8).reshape(16, 16)
-    image = np.asarray(Image.open(io.BytesIO(png_of(steps))).convert("RGB"))
-    assert np.array_equal(image.reshape(256, 3), palette())
+@pytest.mark.parametrize("shape", [(300, 300, 300), (1, 2000, 2000), (3, 5, 500_000)])
+def test_a_film_of_large_volumes_fits_into_a_page(shape):
+    """However flat they are."""
+    grid = VoxelGrid(shape, 1.0)
+    volume = np.lib.stride_tricks.as_strided(np.ones(1, np.float32), shape, (0, 0, 0))
+    small, coarse = fitting(volume, grid, MOST_FRAMES)
+    assert small.shape == coarse.shape
+    assert MOST_FRAMES * coarse.size <= MOST_VOXELS
+    assert 4 * MOST_FRAMES * coarse.size >= MOST_VOXELS / 8  # and no coarser than that
 
 
-def test_a_film_of_the_worst_pictures_stays_small():
-    noise = np.random.default_rng(0).integers(0, 256, (LARGEST, LARGEST), np.uint8)
-    assert shrunk(np.ones((900, 300))).shape == (LARGEST, round(LARGEST / 3))
-    assert 6 * MOST_FRAMES * len(png_of(noise)) * 4 / 3 < 15e6
+def test_a_film_without_a_frame_is_refused():
+    with pytest.raises(ValueError, match="film: found no frame"):
+        film_of([], 0, GRID)
 
 
 def test_curves_have_few_points_and_lose_no_extreme():
@@ -77,38 +99,3 @@ def test_charts_say_their_ends_and_the_figures_of_shown_frames():
     assert [one.name for one in made.curves] == ["one"]
     assert made.curves[0].values == ("2", "none")
     assert chart("a", {"none": np.full(3, np.nan)}) is None
-
-
-@pytest.mark.parametrize("width", [1280, 400])
-def test_the_film_plays_and_pauses_and_follows_the_slider(film, open_page, tmp_path, width):
-    write_film_page(tmp_path / "film.html", film, title=HOSTILE, words="All frames.")
-    page = open_page(tmp_path / "film.html", (width, 800))
-    assert page.evaluate("return document.querySelector('h1').textContent;") == HOSTILE
-    state = """
-        const image = document.querySelector("img[data-panel='0']");
-        return [document.getElementById("label").textContent, image.src.length,
-                image.naturalWidth, document.documentElement.scrollWidth];
-    """
-    label, _, across, scroll = page.evaluate(state)
-    assert label == f"{HOSTILE} 0"
-    assert across == GRID.shape[0]
-    assert scroll <= width
-    page.evaluate(
-        "const s = document.getElementById('moment'); s.value = 4;"
-        "s.dispatchEvent(new Event('input'));"
-    )
-    assert page.evaluate(state)[0] == f"{HOSTILE} 4"
-    page.evaluate("document.getElementById('play').click(); await pause(500);")
-    assert page.evaluate("return document.getElementById('play').textContent;") == "Pause"
-    played = page.evaluate(state)[0]
-    assert played != f"{HOSTILE} 4"
-    page.evaluate("document.getElementById('play').click();")
-    stopped = page.evaluate(state)[0]
-    page.evaluate("await pause(300);")
-    assert page.evaluate(state)[0] == stopped
-
-
-def test_every_frame_has_its_own_pictures(film):
-    frames = json.loads(film["data"])
-    assert len({one["images"][0] for one in frames}) == 6
-    assert [one["at"] for one in frames] == [0, 0.2, 0.4, 0.6, 0.8, 1]

@@ -16,7 +16,7 @@ from tomo.draw.rig.coverage_maps import (
 )
 from tomo.draw.rig.rig_page import check_on_grid, target_scene
 from tomo.draw.scene import ColourScale
-from tomo.draw.volume.maps import emission_map, lattice_triangles, map_scene
+from tomo.draw.volume.maps import lattice_triangles, map_scene
 from tomo.grid import VoxelGrid
 
 GRID = VoxelGrid((5, 8, 6), (1.0, 0.5, 2.0), (1.0, 2.0, 3.0))
@@ -72,12 +72,6 @@ def test_values_are_the_same_colours_in_a_picture_and_in_glb(tmp_path):
     loaded = next(iter(trimesh.load(tmp_path / "m.glb").geometry.values()))
     linear = scale(np.array(0.25)) ** 2.2
     np.testing.assert_allclose(loaded.visual.vertex_colors[0, :3] / 255, linear, atol=0.03)
-
-
-def test_emission_is_shown_from_zero():
-    scene = emission_map(np.full(GRID.shape, 4.0), GRID)
-    assert scene.meshes[0].scale == ColourScale("emission", 0.0, 4.0, "inferno")
-    assert emission_map(np.zeros(GRID.shape), GRID).meshes[0].scale.upper == 1
 
 
 @pytest.mark.parametrize("shape", [(30, 140, 30), (200, 200, 200), (2, 3, 1), (7, 400, 7)])

@@ -174,6 +174,7 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
         const picture = document.getElementById("picture");
         list.value = "bent";
         list.dispatchEvent(new Event("change"));
+        picture.scrollIntoView({ block: "center" });
         await pause(300);
         const b = picture.getBoundingClientRect();
         return [b.left + picture.clientLeft + 0.25 * picture.clientWidth,
@@ -191,6 +192,7 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
         const line = document.getElementById("ray");
         const picture = document.getElementById("picture"), pen = picture.getContext("2d");
         const share = pen.getTransform();
+        scrollTo(0, 0);
         const [u, v] = rays.marks.get("bent")[0];
         const at = share.transformPoint(new DOMPoint(u, v));
         return {

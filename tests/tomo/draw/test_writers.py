@@ -9,6 +9,7 @@ import trimesh
 from rigs import Camera, Rig, look_at
 from tomo.draw import Mesh, Scene, write_glb, write_html
 from tomo.draw.rig import draw_rig, rig_scene, write_rig
+from tomo.draw.stage import Shown
 from tomo.draw.volume import write_volume_picture
 from tomo.grid import VoxelGrid
 
@@ -35,7 +36,7 @@ def volume():
 def loads(page):
     """Return what an HTML page makes a browser fetch."""
     tags = re.findall(r"<(?:script|link|img|iframe|source|object)\b[^>]*>", page)
-    return [t for t in tags if re.search(r"""(?:src|href|data)\s*=\s*["']?(?!data:)""", t)]
+    return [t for t in tags if re.search(r"""\s(?:src|href|data)\s*=\s*(?!["']?data:)""", t)]
 
 
 def test_glb_is_the_scene_in_metres(tmp_path, volume):
@@ -78,23 +79,30 @@ def test_normals_in_a_glb_are_unit_vectors(tmp_path, volume):
 def test_html_names_the_cameras_and_loads_nothing(tmp_path, volume):
     rig = rig_of("left eye", "right eye")
     path = tmp_path / "rig.html"
-    write_html(path, rig_scene(rig, GRID, volume), title="my rig", grid=GRID, volume=volume)
+    write_html(path, rig_scene(rig, GRID), title="my rig", shown=Shown((volume,), GRID))
     page = path.read_text(encoding="utf-8")
-    assert "left eye" in page
-    assert "right eye" in page
-    assert "x (mm)" in page
+    (data,) = re.findall(r'"application/json">(.*?)</script>', page, re.DOTALL)
+    stage = json.loads(data)
+    names = {label["text"] for label in stage["labels"] if label["layer"] == "names"}
+    assert names == {"left eye", "right eye"}
+    assert stage["unit"] == "mm"
+    assert stage["volume"]["shape"] == list(GRID.shape)
     assert "<title>my rig</title>" in page
     assert loads(page) == []
-    assert "cdn.plot.ly" not in re.findall(r"<script[^>]*>", page)
-    assert len(page) > 3_000_000  # plotly itself is inside
+    (policy,) = re.findall(r'Content-Security-Policy" content="(.*?)"', page)
+    assert policy.startswith("default-src 'none'")
+    assert "class Light" in page  # what draws is inside
+    assert not re.search(r"\b(?:fetch|import|XMLHttpRequest|WebSocket|Worker)\s*\(", page)
 
 
 def test_html_escapes_names(tmp_path):
     path = tmp_path / "rig.html"
     write_html(path, rig_scene(rig_of(HOSTILE), GRID), title="</title><script>alert(1)</script>")
     page = path.read_text(encoding="utf-8")
-    assert "<img" not in page.split("<body>")[1][-200_000:]
+    assert [tag[:27] for tag in re.findall("<img[^>]*>", page)] == ['<img src="data:image/png;ba']
     assert "<script>alert" not in page
+    (data,) = re.findall(r'"application/json">(.*?)</script>', page, re.DOTALL)
+    assert HOSTILE in {label["text"] for label in json.loads(data)["labels"]}
 
 
 @pytest.mark.parametrize("count", [1, 5])

@@ -64,8 +64,10 @@ def coarsened(
 
     Planes beyond the last whole block are left out.
     """
-    factor = math.ceil((grid.size / max_voxels) ** (1 / 3))
-    if factor <= 1:
+    factor = 1
+    while math.prod(max(n // factor, 1) for n in grid.shape) > max_voxels:
+        factor += 1
+    if factor == 1:
         return np.asarray(data, np.float32), grid
     shape = tuple(max(n // factor, 1) for n in grid.shape)
     steps = tuple(min(factor, n) for n in grid.shape)
