@@ -53,11 +53,12 @@ def test_words_and_scales_of_a_slice_can_be_read(shape):
         name = axes.title.get_window_extent()
         assert not name.overlaps(axes.get_window_extent())
         assert inside.x0 < name.x0 < name.x1 < inside.x1
-        low, high = sorted(axes.get_ylim())
-        ticks = [tick for tick in axes.yaxis.get_major_ticks() if low <= tick.get_loc() <= high]
-        labels = [tick.label1 for tick in ticks if tick.label1.get_visible()]
-        spans = sorted((box.y0, box.y1) for box in (one.get_window_extent() for one in labels))
-        assert all(a[1] <= b[0] for a, b in itertools.pairwise(spans))
+        for axis in (axes.xaxis, axes.yaxis):
+            low, high = sorted(axis.get_view_interval())
+            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+            boxes = [one.label1.get_window_extent() for one in ticks if one.label1.get_visible()]
+            assert boxes
+            assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))
     names = [axes.title.get_window_extent() for axes in planes]
     assert not any(a.overlaps(b) for a, b in itertools.combinations(names, 2))
 

@@ -152,11 +152,14 @@ def planes_row(
 
 def few_ticks(axes: Axes, width: float, height: float) -> None:
     """Set as many ticks as a plane's panel, measured in inches, has room for."""
-    from matplotlib.ticker import MaxNLocator
+    from matplotlib.ticker import FixedLocator, MaxNLocator
 
-    most = max(1, int(width / room_of_number(*axes.get_xlim())))
-    axes.xaxis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
-    axes.yaxis.set_major_locator(MaxNLocator(max(1, int(height / 0.28)), steps=[1, 2, 5, 10]))
+    room = room_of_number(*axes.get_xlim())
+    for axis, most in ((axes.xaxis, int(width / room)), (axes.yaxis, int(height / 0.28))):
+        if most > 0:
+            axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
+        else:  # even one step of MaxNLocator has two ends
+            axis.set_major_locator(FixedLocator([sum(axis.get_view_interval()) / 2]))
 
 
 def room_of_number(*ends: float) -> float:
