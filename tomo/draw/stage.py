@@ -17,7 +17,7 @@ from tomo.draw.figures import raised, with_unit
 from tomo.draw.frame import EYE as RIG_EYE
 from tomo.draw.frame import Up
 from tomo.draw.page import embedded, script_safe, small_png
-from tomo.draw.raycast import render
+from tomo.draw.painter import painted
 from tomo.draw.scene import ColourScale, Label, Mesh, Scene, css
 from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
@@ -263,7 +263,7 @@ def _still(
     viewpoint = Viewpoint.framing(
         box_corners(*box), up.eye_direction(*eye), up.vector, _STILL, distance=6
     )
-    picture = render(scene, viewpoint, 1, (0.0, 0.0, 0.0))
+    picture = painted(scene, viewpoint)
     if shown is not None:
         data, grid = fitting(shown.frames[0], shown.grid)
         scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.looks.colours)

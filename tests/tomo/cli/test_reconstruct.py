@@ -25,9 +25,10 @@ GRID = VoxelGrid((8, 14, 8), (1.0, 1.0, 1.2), (10.0, 0.0, -3.0))
 VOLUMES = ("volume.npz", "volume.vti", "volume.nrrd")
 HALF_WIDTHS = {"half_width.npz", "half_width.vti", "half_width.nrrd"}
 PICTURES = {
-    *("rig.png", "slices.png", "views.png", "convergence.png", "difference.png"),
+    *("rig.png", "flame.png", "convergence.png", "difference.png"),
     "intervals.png",
 }
+PAGES = {"report.html", "rig.html", "flame.html"}
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +53,7 @@ def done(run_tool, scan, tmp_path_factory):
 def test_everything_promised_is_there_and_nothing_else(done):
     out, _ = done
     names = {path.name for path in out.iterdir()}
-    assert names == {*VOLUMES, *HALF_WIDTHS, *PICTURES, "report.json", "report.html"}
+    assert names == {*VOLUMES, *HALF_WIDTHS, *PICTURES, *PAGES, "report.json"}
 
 
 def test_the_volumes_are_equal_and_on_the_grid(done):
