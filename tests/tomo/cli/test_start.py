@@ -66,7 +66,8 @@ def test_verbs_that_need_neither_open3d_nor_torch_load_neither(folder):
         ["reconstruct", "scan", "--frames", ":", "--method", "sirt", "--iterations", "2",
          "-o", "film.zarr"],
         ["export", "film.zarr", "--to", "npz", "-o", "volumes"],
-        ["visualize-rig", "rig.yaml", "-o", "rig.html"],
+        ["visualize-volume", "film.zarr", "-o", "film.html"],
+        ["visualize-rig", "rig.yaml", "-o", "rig.glb"],
     ]  # fmt: skip
     for verb, code, names in loaded_by(lines, folder):
         assert code == 0, verb
