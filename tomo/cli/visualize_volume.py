@@ -16,7 +16,8 @@ from tomo.draw.suffixes import TURNING
 EXAMPLES = """
 flametomo visualize-volume out/volume.npz -o flame.html
 flametomo visualize-volume out/volume.vti -o flame.png -o flame.gif
-flametomo visualize-volume out/volume.npz --level 0.2 --level 0.6 -o flame.glb
+flametomo visualize-volume out/volume.npz --level 0.2 --level 0.6
+    -o flame.glb
 flametomo visualize-volume array.npy --spacing 0.5 -o flame.html
 flametomo visualize-volume out.zarr -o film.html
 """

@@ -76,12 +76,12 @@ def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
 
 
 def test_a_picture_that_cannot_be_drawn_is_reported(whole, broken, tmp_path):
-    broken(result_figures, "draw_views", ImportError("libGL.so.1: cannot open"))
+    broken(result_figures, "draw_convergence", ImportError("libGL.so.1: cannot open"))
     write_outcome(tmp_path / "out", whole)
     assert (tmp_path / "out" / "volume.npz").exists()
-    assert not (tmp_path / "out" / "views.png").exists()
-    assert (tmp_path / "out" / "slices.png").exists()
-    words = "picture views: not drawn: ImportError: libGL.so.1: cannot open"
+    assert not (tmp_path / "out" / "convergence.png").exists()
+    assert (tmp_path / "out" / "flame.png").exists()
+    words = "picture convergence: not drawn: ImportError: libGL.so.1: cannot open"
     warnings = json.loads((tmp_path / "out" / "report.json").read_text())["warnings"]
     assert any(line.startswith(words) for line in warnings)
     assert words[1:] in (tmp_path / "out" / "report.html").read_text()
