@@ -48,6 +48,8 @@ class _Caster:
     def colours(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return colour times opacity, and opacity, along rays from the eye: ``(N, 4)``."""
         seen = np.zeros((len(directions), 4))
+        if not len(self._looks):
+            return seen
         alive = np.arange(len(directions))
         distance = np.zeros(len(directions))
         for _ in range(_LAYERS):
@@ -113,12 +115,10 @@ def render(
         Red, green, blue in 0..1.
     """
     width, height = viewpoint.size
+    caster = _Caster(scene, viewpoint)
     steps = (np.arange(supersample) + 0.5) / supersample - 0.5
     offsets = np.stack(np.meshgrid(steps, steps), axis=-1).reshape(1, -1, 2)
     picture = np.tile(np.array(ground, np.float32), (height, width, 1))
-    if not any(len(mesh.triangles) for mesh in scene.meshes):
-        return picture  # a film alone: Open3D takes seconds to load
-    caster = _Caster(scene, viewpoint)
     rows, columns = np.nonzero(_may_see(scene, viewpoint))
     pixels_at_once = max(1, _RAYS_AT_ONCE // supersample**2)
     for first in range(0, len(rows), pixels_at_once):

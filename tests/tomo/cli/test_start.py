@@ -67,7 +67,7 @@ def test_verbs_that_need_neither_open3d_nor_torch_load_neither(folder):
          "-o", "film.zarr"],
         ["export", "film.zarr", "--to", "npz", "-o", "volumes"],
         ["visualize-volume", "film.zarr", "-o", "film.html"],
-        ["visualize-rig", "rig.yaml", "-o", "rig.glb"],
+        ["visualize-rig", "rig.yaml", "-o", "rig.html"],
     ]  # fmt: skip
     for verb, code, names in loaded_by(lines, folder):
         assert code == 0, verb
