@@ -181,11 +181,13 @@ def test_pictures_and_targets_are_layers_of_the_page(run_tool, tmp_path, two_rig
     done = run_tool("visualize_rig", one, "--images", tmp_path / "seen", "-o", out)
     assert done.exit_code == 0, done.stderr
     page = out.read_text(encoding="utf-8")
-    data = page.split('id="page-data">')[1].split("</script>")[0]
-    data = json.loads(data)
+    data, cameras = (
+        json.loads(page.split(f'<script type="application/json"{more}>')[1].split("</script>")[0])
+        for more in ("", ' id="page-views"')
+    )
     layers = {layer["name"] for layer in data["layers"]}
     assert {"images", "targets", "target names", "clicked rays"} <= layers
-    pictured = {view["name"]: view["image"] is not None for view in data["views"]}
+    pictured = {view["name"]: view["image"] is not None for view in cameras["views"]}
     assert pictured == {"cam00": True, "cam01": True, "cam02": True, "cam03": False}
     assert [label["text"] for label in data["labels"] if label["layer"] == "target names"] == [
         "frame07"
