@@ -62,6 +62,7 @@ def test_the_wheel_holds_the_packages_and_their_data_alone(built):
     for folder in ("tomo", "rigs", "phantoms"):
         wanted |= names_beside(folder, "*.py") | {f"{folder}/py.typed"}
     wanted |= names_beside("tomo/draw/templates", "*.html")
+    wanted |= names_beside("tomo/draw/templates", "*.js")
     wanted |= names_beside("rigs/presets", "*.yaml")
     wanted |= names_beside("tomo/wernet/settings_files", "*.yaml")
     wanted |= names_beside("tomo/operators/gpu", "*.cu")

@@ -21,7 +21,7 @@ VERBS = {
     "export": "Write the frames of a store for other programs, or their statistics.",
     "view": "Show a volume with its cameras, a film or a rig in the browser.",
     "visualize-rig": "Draw a rig's cameras and the volume that they look at.",
-    "visualize-volume": "Draw a volume's planes, line integrals and surfaces.",
+    "visualize-volume": "Draw a volume's light, its middle planes or its surfaces.",
     "compare": "Compare two volumes: figures, slices beside each other and their difference.",
     "calibrate-rig": "Calibrate a rig from images of a flat target.",
     "check-rig": "Check whether a rig is good enough for a volume.",

@@ -58,7 +58,7 @@ def visualize_volume(
     ] = None,
     json: JsonFlag = False,
 ) -> None:
-    """Draw a volume's light along the line of sight, its middle planes, or surfaces.
+    """Draw a volume's light, its middle planes or its surfaces.
 
     PNG suits papers, HTML can be turned and cut, GLB opens surfaces in 3-D viewers, GIF turns
     once around. HTML of a store that reconstruct --frames wrote plays its film.

@@ -58,9 +58,9 @@ def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
     drawn = tmp_path / "drawn.html"
     done = run_tool("visualize_volume", tmp_path / "out/volume.nrrd", "-o", drawn, "--json")
     assert json.loads(done.stdout)["value_unit"] == UNIT
+    integral = json.dumps(f"{UNIT} × mm".replace("^3", "³"))
     page = drawn.read_text("utf-8").replace("\\u002f", "/")
-    along = json.dumps(f"{UNIT} × mm".replace("^3", "³"))[1:-1]
-    assert f"light along the line of sight ({along})" in page
+    assert f'"integral_unit": {integral}' in page
 
 
 def test_a_film_and_its_exports_name_their_unit(scan, run_tool, tmp_path):

@@ -1,8 +1,11 @@
+import base64
 import itertools
+import json
 import re
 from dataclasses import replace
 from html.parser import HTMLParser
 
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +14,8 @@ from tomo.grid import VoxelGrid
 from tomo.pipeline.view import View
 from tomo.report import Convergence, Results, draw, write_pictures, write_report
 from tomo.report.glossary import PLACE, with_glossary
-from tomo.report.result_figures import draw_convergence, draw_difference, draw_views, views_to_show
+from tomo.report.result_figures import draw_convergence, draw_difference
+from tomo.report.view_pictures import view_pictures, views_to_show
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
 HOSTILE = "<script>alert(1)<"
@@ -94,10 +98,15 @@ def page(tmp_path, results, pictures):
     return parser
 
 
-def test_report_loads_nothing_and_runs_nothing(page):
-    assert not [tag for tag, _ in page.found if tag in ("script", "link", "iframe", "object")]
+def test_report_loads_nothing_and_runs_its_own_scripts_alone(page):
+    assert not [tag for tag, _ in page.found if tag in ("link", "iframe", "object")]
+    scripts = [attrs for tag, attrs in page.found if tag == "script"]
+    data = {"type": "application/json"}
+    assert scripts == [data, data, {}, {}]  # of the volume and the views; what shows them
+    policy = [attrs["content"] for tag, attrs in page.found if "http-equiv" in attrs]
+    assert policy[0].startswith("default-src 'none'; img-src data:;")
     sources = [attrs["src"] for tag, attrs in page.found if tag == "img"]
-    assert len(sources) == 5
+    assert len(sources) == 8  # the volume, three of one view, and the four pictures
     assert all(source.startswith("data:image/png;base64,") for source in sources)
     assert all(attrs.get("alt") for tag, attrs in page.found if tag == "img")
 
@@ -105,6 +114,11 @@ def test_report_loads_nothing_and_runs_nothing(page):
 def test_hostile_names_are_shown_as_text(page):
     text = "".join(page.text)
     assert f"{HOSTILE} (held out)" in text
+    data = [json.loads(one) for one in page.text if one.startswith('[{"words"')]
+    assert [entry["words"].split(":")[0] for entry in data[0]] == [
+        "cam00, explained least",
+        f"{HOSTILE}, held out",
+    ]
     assert "</script><script>alert(2)</script>" in text
 
 
@@ -173,6 +187,23 @@ def test_the_page_is_readable_without_network_mouse_or_colours(
     assert browser.evaluate("return performance.getEntriesByType('resource').length;") == 0
 
 
+@pytest.mark.parametrize("width", [1200, 400])
+def test_the_page_steps_through_the_views_and_round(tmp_path, results, pictures, open_page, width):
+    path = tmp_path / "report.html"
+    write_report(path, REPORT, results, pictures)
+    entries = json.loads(view_pictures(results.views)["data"])
+    browser = open_page(path, (width, 800))
+    assert browser.evaluate("return stages[0].root.classList.contains('alive');")
+    seen = """
+        const images = [...compared.querySelectorAll("img")];
+        return [compared.querySelector("output").textContent, images.map((one) => one.src)];
+    """
+    steps = ("", *(f"compared.querySelectorAll('button')[{side}].click();" for side in (1, 1, 0)))
+    for step, place in zip(steps, (0, 1, 0, 1), strict=True):
+        expected = entries[place]
+        assert browser.evaluate(step + seen) == [expected["words"], expected["images"]]
+
+
 CONTRAST = """
     function light(text) {
       const part = text.match(/[0-9.]+/g).slice(0, 3).map((one) => {
@@ -210,8 +241,7 @@ def test_pictures_are_written_as_they_are_shown(tmp_path, pictures):
     paths = write_pictures(tmp_path / "new", pictures)
     assert {p.name for p in paths} == {
         "rig.png",
-        "slices.png",
-        "views.png",
+        "flame.png",
         "convergence.png",
         "difference.png",
     }
@@ -246,24 +276,37 @@ def test_the_least_explained_view_is_always_shown(most):
     assert len(shown) == len(set(shown)) == most
 
 
+def pixels(embedded):
+    """Return the red, green and blue of a picture that a page carries."""
+    encoded = np.frombuffer(base64.b64decode(embedded.split(",")[1]), np.uint8)
+    return cv2.imdecode(encoded, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
+
+
 def test_images_of_cameras_of_different_shapes_are_drawn_to_scale():
-    shapes = [(100, 200), (140, 90), (120, 160), (150, 150), (1, 200)]
+    shapes = [(100, 200), (140, 90), (120, 160), (150, 150), (1, 200), (300, 600), (640, 480)]
     images = [np.random.default_rng(0).random(shape) for shape in shapes]
-    figure = draw_views([View(f"{image.shape}", image, image) for image in images])
-    panels = [axes for axes in figure.axes if axes.get_title()]
-    assert len(panels) == 3 * len(shapes)
-    across, down = figure.get_size_inches()
-    boxes = [axes.get_position() for axes in panels]
-    for axes, box in zip(panels, boxes, strict=True):
-        rows, columns = axes.get_images()[0].get_size()
-        drawn = (box.width * across) / (box.height * down)
-        if rows > 1:
-            assert drawn == pytest.approx(columns / rows)
-        else:
-            assert box.height * down > 0.1
-    for box in boxes:
-        assert not any(box.overlaps(other) for other in boxes if other is not box)
-    assert all(box.x0 >= 0 and box.x1 <= 1 and box.y0 >= 0 and box.y1 <= 1 for box in boxes)
+    compared = view_pictures([View(f"{image.shape}", image, image) for image in images])
+    entries = json.loads(compared["data"])
+    assert [entry["words"].split(")")[0] + ")" for entry in entries] == [str(s) for s in shapes]
+    for (rows, columns), entry in zip(shapes, entries, strict=True):
+        sizes = {pixels(one).shape[:2] for one in entry["images"]}
+        assert len(sizes) == 1
+        high, wide = sizes.pop()
+        assert wide / high == pytest.approx(columns / rows, rel=0.02)
+
+
+def test_a_difference_is_red_where_the_volume_is_too_bright_and_blue_where_too_dark():
+    measured = np.full((8, 12), 2.0)
+    reprojected = measured + np.repeat([0.5, -0.5, 0.0], 4)
+    mask = np.ones(measured.shape, bool)
+    mask[:2] = False
+    entries = json.loads(view_pictures([View("a", measured, reprojected, mask)])["data"])
+    red, _, blue = np.moveaxis(pixels(entries[0]["images"][2])[2:], -1, 0)
+    assert (red > blue + 50)[:, :4].all()
+    assert (blue > red + 50)[:, 4:8].all()
+    assert (np.minimum(red, blue) > 230)[:, 8:].all()
+    for picture in map(pixels, entries[0]["images"]):
+        assert (picture[:2] == (0xB9, 0xC0, 0xC7)).all()  # grey: not used
 
 
 def test_parts_that_do_not_fit_are_refused():

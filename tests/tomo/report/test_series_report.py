@@ -27,7 +27,14 @@ def test_the_page_loads_nothing_and_escapes_what_it_shows(page):
 
 def test_the_film_comes_first_then_verdict_warnings_and_figures(page):
     text = page.read_text("utf-8")
-    parts = ('id="play"', 'class="verdict', "What to do next", "Gain drifts", "31 dB", "<table")
+    parts = (
+        'class="stage"',
+        'class="verdict',
+        "What to do next",
+        "Gain drifts",
+        "31 dB",
+        "<table",
+    )
     order = [text.index(one) for one in parts]
     assert order == sorted(order)
     for title in ("PSNR", "Relative residual", "Light of each camera", "Total emission"):
@@ -39,14 +46,19 @@ def test_the_page_works_and_nothing_sticks_out(page, open_page, width):
     browser = open_page(page, (width, 800))
     assert browser.evaluate("return document.documentElement.scrollWidth;") <= width
     shown = """
+        document.querySelector(".stage .play").click();  // a click on a curve ends it
         document.querySelector(".plot .area").dispatchEvent(new MouseEvent("click", {
           clientX: document.querySelector(".plot .area").getBoundingClientRect().right - 1}));
-        return [document.getElementById("label").textContent,
+        return [document.querySelector(".stage output.moment").textContent,
+                document.querySelector(".stage .film input").value,
+                document.querySelector(".stage .play").textContent,
                 document.querySelector(".cursor").style.left,
                 document.querySelector("output[data-values]").textContent];
     """
-    label, left, value = browser.evaluate(shown)
+    label, place, play, left, value = browser.evaluate(shown)
     assert label == "frame 69, 0.19 s"
+    assert int(place) == browser.evaluate("return stages[0].data.volume.frames.length;") - 1
+    assert play == "Play"
     assert left == "97.5%"
     assert value == "31"
 
