@@ -6,6 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "calibration.calibration_page": ["write_calibration_page"],
+        "emission": ["Looks", "emission_image"],
         "film.visualize": ["visualize_film"],
         "rig.visualize": ["visualize_check", "visualize_rig"],
         "scene": ["Label", "Mesh", "Scene"],

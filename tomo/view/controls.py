@@ -9,7 +9,8 @@ from tomo.draw.scene import ColourScale
 from tomo.grid import VoxelGrid
 from tomo.view.colours import COLOURS
 from tomo.view.content import Content
-from tomo.view.volume_layer import AXES, NO_PICTURE, PICTURES
+from tomo.view.rendering import INTEGRAL
+from tomo.view.volume_layer import AXES, PICTURES
 
 if TYPE_CHECKING:
     import viser
@@ -100,7 +101,7 @@ def add_controls(
 
 def _volume_controls(gui: viser.GuiApi, grid: VoxelGrid, length_unit: str, made: Controls) -> None:
     with gui.add_folder("Volume"):
-        made.with_surface = gui.add_checkbox("surfaces", True)
+        made.with_surface = gui.add_checkbox("surfaces", False)
         hint = "percent of the peak"
         made.threshold = gui.add_slider("threshold %", 1.0, 100.0, 0.5, _THRESHOLD, hint=hint)
         made.inner = gui.add_slider("inner %", 1.0, 100.0, 0.5, _INNER, hint=hint)
@@ -121,6 +122,6 @@ def _volume_controls(gui: viser.GuiApi, grid: VoxelGrid, length_unit: str, made:
                     ),
                 )
             )
-        made.along = gui.add_dropdown("line of sight", PICTURES, initial_value=NO_PICTURE)
+        made.along = gui.add_dropdown("line of sight", PICTURES, initial_value=INTEGRAL)
         made.colours = gui.add_dropdown("colours", COLOURS, initial_value=COLOURS[0])
         made.span = gui.add_multi_slider("range %", 0.0, 100.0, 0.5, (0.0, 100.0))
