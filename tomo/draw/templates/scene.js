@@ -81,12 +81,13 @@ class Stage {
 
   view(width = this.canvas.clientWidth, height = this.canvas.clientHeight) {
     const axes = this.axes(), eye = along(this.middle, axes[2], -this.distance);
-    const reach = Math.max(this.data.reach, this.distance);
+    // what is far beyond the box in sight, such as cameras behind a close-up, is left out
+    const reach = this.distance + 2 * Math.hypot(...this.box[0].map((v, a) => this.box[1][a] - v));
     const lamp = unit([0, 1, 2].map((a) => -0.4 * axes[0][a] - 0.75 * axes[1][a] - 0.55 * axes[2][a]));
     const scale = width / Math.max(this.canvas.clientWidth, 1);
     return { axes, eye, lamp, focal: scale * 2.4 * Math.max(this.canvas.clientWidth,
       this.canvas.clientHeight), principal: [(width - 1) / 2 + scale * this.shift,
-      (height - 1) / 2], depths: [0.002 * reach, 4 * reach] };
+      (height - 1) / 2], depths: [0.002 * reach, reach] };
   }
 
   point(p, view = this.view()) {  // pixels of the page, and the depth
@@ -98,7 +99,7 @@ class Stage {
   fit() {  // step back until the box and the numbers along it are in the picture
     const { clientWidth: width, clientHeight: height } = this.canvas;
     if (!width) return;
-    this.shift = this.data.volume ? 20 : 0;  // the colour bar stands on the left
+    this.shift = this.data.volume ? Math.min(20, width / 25) : 0;  // for the colour bar
     this.middle = this.box[0].map((value, a) => (value + this.box[1][a]) / 2);
     const size = Math.hypot(...this.box[0].map((value, a) => this.box[1][a] - value)) || 1;
     const room = Math.min(PADDING, width / 6, height / 6);
@@ -287,7 +288,10 @@ class Stage {
     if (this.data.volume && this.zooms.length < 2 && all.every((p) => p.depth > 0))
       for (const bits of [0, 1, 2, 3, 4, 5, 6, 7]) for (const axis of [1, 2, 4]) if (!(bits & axis))
         rest.push(`M${all[bits].x} ${all[bits].y}L${all[bits | axis].x} ${all[bits | axis].y}`);
-    const taken = [], texts = [], middle = this.point(this.middle, view);
+    // the colour bars' own place
+    const bars = [...this.bars.children].map((one) => [one.offsetLeft + 8, this.bars.offsetTop - 34,
+      one.offsetLeft + 52, this.bars.offsetTop + this.bars.offsetHeight + 8]);
+    const taken = bars, texts = [], middle = this.point(this.middle, view);
     for (const { axis, ends } of edges) {
       const [from, to] = ends.map((p) => this.point(p, view));
       if (!(from.depth > 0 && to.depth > 0)) continue;
@@ -313,7 +317,7 @@ class Stage {
       if (span.textContent !== text) span.textContent = text;
       span.className = `number ${kind || ""}`;
       const w = span.offsetWidth, h = span.offsetHeight;
-      const left = clamp(x + out[0] * w / 2 - w / 2, 0, width - w);
+      const left = clamp(x + out[0] * w / 2 - w / 2, 2, width - w - 2);
       const top = clamp(y + out[1] * h / 2 - h / 2, 0, height - h);
       const free = this.isFree(taken, [left - 1, top, left + w + 1, top + h]);
       span.style.transform = `translate(${left}px, ${top}px)`;
