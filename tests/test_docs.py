@@ -91,7 +91,9 @@ def test_every_picture_of_the_pages_is_shown():
         for page in PAGES
         for target in re.findall(r"!\[[^]]*\]\(([^)]+)\)", page.read_text("utf-8"))
     }
-    assert {path for kind in ("png", "gif") for path in (ROOT / "docs").rglob(f"*.{kind}")} == shown
+    assert {
+        path for kind in ("png", "gif") for path in (ROOT / "docs").rglob(f"*.{kind}")
+    } == shown
 
 
 def test_the_readme_is_short():
