@@ -42,7 +42,7 @@ def stage(build: Path = BUILD) -> None:
             wanted[f"{folder}/index.md"] = section_page(folder, title, index)
     wanted |= {f"api/{name}": text for name, text in api.pages().items()}
     for path in sorted(DOCS.rglob("*")):
-        if path.suffix in (".png", ".json"):
+        if path.suffix in (".png", ".gif", ".json"):
             wanted[path.relative_to(DOCS).as_posix()] = path.read_bytes()
     bring_up_to_date(build / "source", wanted, keep="gallery")
 
