@@ -2,7 +2,7 @@
 Mean and fluctuation of a film
 ==============================
 
-A flame that moves is told by its mean and by how much it fluctuates about it. How do we get both
+A flame that moves is described by its mean and by its fluctuation about it. How do we get both
 from a film without holding it in memory? `tomo.mean_and_rms` takes one frame at a time, and both
 come back as a `tomo.Volume`: sampled along a line, drawn and compared like any frame.
 

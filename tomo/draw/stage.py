@@ -38,7 +38,7 @@ _ORDER = (
 """Layers that come first in the list; the others follow in the order of the scene."""
 
 MOST_VOXELS = 8_000_000
-"""Of a page's frames together, four thirds of a byte each: larger volumes are shown by means of
+"""Voxels of all frames of a page, four thirds of a byte each: larger volumes are shown by means of
 blocks. Lower: films lose details; higher: pages take long to load."""
 
 _STILL = (480, 480)  # pixels of the picture where the page's script cannot draw

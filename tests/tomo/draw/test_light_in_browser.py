@@ -38,7 +38,7 @@ def drawn(page):
 
 @pytest.mark.parametrize(("azimuth", "up"), [(28.0, Up()), (100.0, Up(2, -1)), (0.0, Up(1, -1))])
 def test_line_integrals_are_the_operator_s_own(open_page, tmp_path, azimuth, up):
-    """Of the same 8 bits and camera the mean difference is at most 1 % of the brightest."""
+    """The mean difference for the same 8 bits and camera is at most 1 % of the brightest."""
     write_html(tmp_path / "a.html", Scene(), up=up, shown=Shown((flame(),), GRID))
     volume = drawn((tmp_path / "a.html").read_text("utf-8"))["volume"]
     eight_bits = np.frombuffer(base64.b64decode(volume["frames"][0]), np.uint8)

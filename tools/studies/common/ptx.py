@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 from tomo.operators.gpu.device import OPTIONS
 
 ARCHITECTURE = "90"
-"""Of the code that is counted: Hopper, an H100 or H200."""
+"""The architecture whose code is counted: Hopper, an H100 or H200."""
 
 
 def compiled(text: str) -> str | None:
