@@ -10,23 +10,16 @@ FIELDS = {
     "multical": "cameras camera_poses model image_size dist",
     "kalibr": "cam0 camera_model intrinsics distortion_model resolution",
     "anipose": "size matrix distortions rotation translation",
-    "mccalib": "nb_camera camera_matrix distortion_vector camera_pose_matrix",
     "mrcal": "lensmodel extrinsics intrinsics imagersize",
     "metashape": "document chunk sensors cameras camera",
     "gaussian_splatting": "img_name width height position rotation fx fy",
-    "bop": "cam_K cam_R_w2c cam_t_w2c",
-    "openmvg": "sfm_data_version views intrinsics extrinsics",
     "alicevision": "version views intrinsics poses viewId intrinsicId",
     "opensfm": "cameras projection_type shots rotation translation",
     "qualisys": "calibration cameras fov_video transform focalLengthU",
     "kitti": "S_00 K_00 D_00 R_00 T_00",
-    "euroc": "T_BS camera_model intrinsics distortion_model resolution",
-    "basalt": "T_imu_cam camera_type intrinsics resolution",
-    "open3d": "class_name extrinsic intrinsic intrinsic_matrix",
     "camera_table": "name x y z look_x look_y look_z",
     "realitycapture": "name x y alt heading pitch roll f",
     "pix4d": "fileName imageWidth imageHeight camera matrix K radial",
-    "nerfstudio": "camera_path camera_to_world fov render_width render_height",
 }
 
 

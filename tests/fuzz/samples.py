@@ -154,8 +154,6 @@ def _models():
         "Bundler list": Reader("list.txt", lambda path: formats.load(path.parent / "bundle.out"),
                                (b"a.png\n", b"C:\\x\\a.png 0 9\n"), TEXT,
                                {"bundle.out": _bundle(R, t)} | size),
-        "NVM": Reader("a.nvm", of_format("nvm", 0, None), _nvms(R, t), TEXT, size),
-        "MVSNet": Reader("0_cam.txt", of_format("mvsnet"), (_mvsnet(R, t),), TEXT),
         "projection": Reader("a.txt", of_format("projection"), _matrices(P), TEXT),
         "DLT": Reader("a.csv", of_format("dlt"), (table.encode(),), TEXT),
         "DLT bottom": Reader("a.csv", of_format("dlt_bottom"), (table.encode(),), TEXT),
@@ -177,14 +175,10 @@ def _tools(folder):
     beside = {"extri.yml": extri}
     json_kinds = {
         "Gaussian splatting": ("cameras.json", "gaussian_splatting", _splats()),
-        "BOP": ("scene_camera.json", "bop", _bop()),
-        "openMVG": ("sfm_data.json", "openmvg", _openmvg()),
-        "Blender": ("views.json", "blender", _blender()),
     }
     every = (*(sample for *_, sample in json_kinds.values()), lists[2])
     return {
         "EasyMocap": Reader("intri.yml", of_format("easymocap", (9, 7)), (intri,), TREE, beside),
-        "MC-Calib": Reader("a.yml", of_format("mccalib"), (_mccalib(),), TREE),
         "OpenCV XML": Reader("a.xml", of_format("opencv", (9, 7)), (storage, lists[1]), TEXT),
         "OpenCV lists": Reader("b.yml", of_format("opencv", (9, 7)), (lists[0],), TREE),
         "mrcal": Reader("a.cameramodel", of_format("mrcal"), (_mrcal(),), TEXT),
@@ -199,8 +193,8 @@ def _tools(folder):
 
 
 def _exports():
-    """Rigs of motion capture, robots and photogrammetry: file, format, size, text and changes."""
-    eye, pose = np.ravel(EYE).tolist(), np.eye(4).ravel().tolist()
+    """Rigs of motion capture and photogrammetry: file, format, size, text and changes."""
+    eye = np.ravel(EYE).tolist()
     lens = {"intrinsicId": "2", "width": "9", "height": "7", "type": "brown", "sensorWidth": "36",
             "focalLength": "320", "pixelRatio": "1", "principalPoint": ["0.5", "0"],
             "distortionParams": ["-0.1", "0.05", "0", "0.001", "0"]}  # fmt: skip
@@ -211,17 +205,6 @@ def _exports():
     brown = {"projection_type": "brown", "width": 9, "height": 7, "focal_x": 9.0, "focal_y": 9.1,
              "c_x": 0.01, "k1": -0.1, "k2": 0.05, "p1": 1e-3, "p2": 0, "k3": 0}  # fmt: skip
     shot = {"rotation": [0.1, 0.2, 0.3], "translation": [0, 0, 9], "camera": "a"}
-    K_values = {"fx": 80.0, "fy": 81.0, "cx": 4.0, "cy": 3.0}
-    at = {"px": 0.1, "py": 0.2, "pz": 0.3, "qx": 0.0, "qy": 0.0, "qz": 0.0, "qw": 1.0}
-    spheres = [{"camera_type": "ds", "intrinsics": {**K_values, "xi": -0.2, "alpha": 0.6}},
-               {"camera_type": "kb4", "intrinsics": {**K_values, **dict.fromkeys(
-                   ("k1", "k2", "k3", "k4"), 0.01)}}]  # fmt: skip
-    basalt = {"value0": {"T_imu_cam": [at, at], "intrinsics": spheres,
-                         "resolution": [[9, 7], [9, 7]]}}  # fmt: skip
-    pinhole = {"class_name": "PinholeCameraParameters", "extrinsic": pose, "intrinsic": {
-        "width": 9, "height": 7, "intrinsic_matrix": [80, 0, 0, 0, 80, 0, 4, 3, 1]}}  # fmt: skip
-    path = {"render_width": 9, "render_height": 7, "camera_type": "perspective",
-            "camera_path": [{"camera_to_world": pose, "fov": 50.0}]}  # fmt: skip
     r = " ".join(f'r{i + 1}{j + 1}="{EYE[i][j]}"' for i in range(3) for j in range(3))
     qca = (
         '<calibration><cameras><camera active="1" serial="7" viewrotation="0"><fov_video left="0" '
@@ -231,11 +214,6 @@ def _exports():
     )
     row = " ".join(map(str, eye))
     raw = f"S_00: 9 7\nK_00: 80 0 4 0 80 3 0 0 1\nD_00: -0.1 0 0 0 0\nR_00: {row}\nT_00: 0 0 9\n"
-    sensor = (
-        f"sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\n  data: {pose}\n"
-        "resolution: [9, 7]\ncamera_model: pinhole\nintrinsics: [80, 80, 4, 3]\n"
-        "distortion_model: equidistant\ndistortion_coefficients: [0.01, 0, 0, 0]\n"
-    )
     pix4d = (
         "fileName imageWidth imageHeight\ncamera matrix K [3x3]\ncamera model m = K [R|-Rt] X\n\n"
         "a.png 9 7\n80 0 4\n0 80 3\n0 0 1\n-0.1 0.05 0\n0.001 0\n0 0 -9\n1 0 0\n0 1 0\n0 0 1\n"
@@ -247,13 +225,9 @@ def _exports():
         "AliceVision": ("a.sfm", "alicevision", None, json.dumps(sfm), TREE),
         "OpenSfM": ("r.json", "opensfm", None,
                     json.dumps([{"cameras": {"a": brown}, "shots": {"a.png": shot}}]), TREE),
-        "Basalt": ("c.json", "basalt", None, json.dumps(basalt), TREE),
-        "Open3D": ("t.json", "open3d", None, json.dumps({"parameters": [pinhole]}), TREE),
-        "nerfstudio": ("p.json", "nerfstudio", None, json.dumps(path), TREE),
         "Qualisys": ("a.qca.txt", "qualisys", None, qca, TEXT),
         "KITTI": ("c.txt", "kitti", None, raw, TEXT),
         "KITTI rectified": ("c.txt", "kitti", size, "P0: 80 0 4 0 0 80 3 0 0 0 1 0\n", TEXT),
-        "EuRoC": ("sensor.yaml", "euroc", None, sensor, TREE),
         "Pix4D": ("p.txt", "pix4d", None, pix4d, TEXT),
         "RealityCapture": ("r.csv", "realitycapture", size, captured, TEXT),
     }  # fmt: skip
@@ -554,21 +528,6 @@ def _bundle(R, t):
     ).encode()
 
 
-def _nvms(R, t):
-    by_nine = " ".join(map(repr, [*R.ravel().tolist(), *t.tolist()]))
-    points = "0 0\n\n1\n1 2 3 255 0 0 1 0 5 1.5 2.5\n\n0\n"
-    return (
-        f"NVM_V3\n\n1\na.png 90.0 1 0 0 0 0 0 -200 {points}".encode(),
-        f"NVM_V3 FixedK 90 4 90 3\n\n1\na.png 90 1 0 0 0 0 0 -200 -0.1 {points[2:]}".encode(),
-        f"NVM_V3_R9T\n\n1\na.png 90.0 {by_nine} 0.05 {points[2:]}".encode(),
-    )
-
-
-def _mvsnet(R, t):
-    pose = np.vstack([np.column_stack([R, t]), [0, 0, 0, 1]])
-    return f"extrinsic\n{_rows(pose)}\nintrinsic\n{_rows(K)}\n425.0 2.5\n".encode()
-
-
 def _matrices(P):
     return _rows(P).encode(), f"CONTOUR\n{_rows(P)}".encode(), _rows(P).replace(" ", ",").encode()
 
@@ -606,14 +565,6 @@ def _easymocap():
         extri |= {f"R_{name}": np.zeros((3, 1)), f"Rot_{name}": np.eye(3)}
         extri[f"T_{name}"] = np.full((3, 1), 9.0)
     return _storage(".yml", intri), _storage(".yml", extri)
-
-
-def _mccalib():
-    camera = {"camera_matrix": np.array(K), "distortion_vector": np.zeros((1, 5)),
-              "distortion_type": 0, "camera_group": 0, "img_width": 9, "img_height": 7,
-              "camera_pose_matrix": np.eye(4)}  # fmt: skip
-    other = camera | {"distortion_type": 1, "distortion_vector": np.full((1, 4), 0.01)}
-    return _storage(".yml", {"nb_camera": 2, "camera_0": camera, "camera_1": other})
 
 
 def _storage_of_lists():
@@ -664,39 +615,6 @@ def _splats():
     return json.dumps(
         [{"id": i, "img_name": f"{n}_{i}", **camera} for i in (1, 2) for n in "a"]
     ).encode()
-
-
-def _bop():
-    entry = {"cam_K": np.ravel(K).tolist(), "depth_scale": 0.1, "cam_t_w2c": [0, 0, 9],
-             "cam_R_w2c": np.ravel(EYE).tolist()}  # fmt: skip
-    return json.dumps({"0": entry, "17": entry}).encode()
-
-
-def _openmvg():
-    lenses = {"pinhole_brown_t2": {"disto_t2": [0.1, 0, 0, 0.01, 0]},
-              "fisheye": {"fisheye": [0.1, 0, 0, 0]}}  # fmt: skip
-    views, intrinsics, extrinsics = [], [], []
-    for i, (name, lens) in enumerate(lenses.items()):
-        view = {"local_path": "", "filename": f"{i}.jpg", "id_intrinsic": i, "id_pose": i}
-        data = {"width": 9, "height": 7, "focal_length": 80.5, "principal_point": [4, 3], **lens}
-        kind = {"polymorphic_id": 2**31 + i + 1, "polymorphic_name": name}
-        views.append({"key": i, "value": {"ptr_wrapper": {"id": i, "data": view}}})
-        intrinsics.append({"key": i, "value": {**kind, "ptr_wrapper": {"id": i, "data": data}}})
-        extrinsics.append({"key": i, "value": {"rotation": EYE, "center": [i, 0, -9]}})
-    return json.dumps({"sfm_data_version": "0.3", "views": views, "intrinsics": intrinsics,
-                       "extrinsics": extrinsics}).encode()  # fmt: skip
-
-
-def _blender():
-    pose = np.diag([1.0, 1, 1, 1]).tolist()
-    return json.dumps(
-        {"resolution_x": 9, "resolution_y": 7, "cameras": [
-            {"name": "a", "matrix_world": pose, "lens": 35.0, "sensor_width": 36.0,
-             "shift_x": 0.1, "sensor_fit": "AUTO"},
-            {"filename": "b.png", "location": [1, 2, 3], "rotation_euler": [0.1, 0.2, 0.3],
-             "rotation_mode": "ZYX", "angle_x": 0.8, "pixel_aspect_x": 1.5},
-        ]}
-    ).encode()  # fmt: skip
 
 
 def _openptv():

@@ -43,11 +43,6 @@ class Truth:
         motion[:3] = np.column_stack([self.right, self.down, self.forward, self.centre])
         return motion
 
-    def opengl_to_world(self):
-        motion = np.eye(4)
-        motion[:3] = np.column_stack([self.right, -self.down, -self.forward, self.centre])
-        return motion
-
 
 def looking(centre, at=(3.0, -2, 5), up=(0.1, 1.0, 0.2), **values):
     """A camera at a place that looks at another."""
@@ -92,40 +87,5 @@ def fisheye(*k):
         angle = np.arctan(r)
         bent = angle + sum(value * angle ** (2 * n + 3) for n, value in enumerate(k))
         return plane / r * bent
-
-    return lens
-
-
-def rational(k1, k2, p1, p2, k3, k4, k5, k6):
-    """OpenCV's rational lens."""
-
-    def lens(plane):
-        x, y = plane.T
-        q = x**2 + y**2
-        gain = (1 + k1 * q + k2 * q**2 + k3 * q**3) / (1 + k4 * q + k5 * q**2 + k6 * q**3)
-        shift = [2 * p1 * x * y + p2 * (q + 2 * x**2), p1 * (q + 2 * y**2) + 2 * p2 * x * y]
-        return plane * gain[:, None] + np.stack(shift, axis=1)
-
-    return lens
-
-
-def double_sphere(xi, alpha):
-    """Usenko, Demmel and Cremers (2018), equations 40 to 42, of points at depth 1."""
-
-    def lens(plane):
-        x, y = plane.T
-        first = np.sqrt(x**2 + y**2 + 1)
-        second = np.sqrt(x**2 + y**2 + (xi * first + 1) ** 2)
-        return plane / (alpha * second + (1 - alpha) * (xi * first + 1))[:, None]
-
-    return lens
-
-
-def unified(alpha, beta=1.0):
-    """The (extended) unified model, equations 23 and 30 there, of points at depth 1."""
-
-    def lens(plane):
-        d = np.sqrt(beta * (plane**2).sum(axis=1) + 1)
-        return plane / (alpha * d + 1 - alpha)[:, None]
 
     return lens

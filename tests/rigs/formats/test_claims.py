@@ -57,20 +57,6 @@ FRAME = {"file_path": "a.png", "transform_matrix": np.linalg.inv(POSE).tolist()}
 SHARED = {"fl_x": 90.0, "w": 64, "h": 48, "cx": 32, "cy": 24}
 SPLAT = {"id": 0, "img_name": "a", "width": 64, "height": 48, "position": [0, 0, 1],
          "rotation": R.T.tolist(), "fx": 90.0, "fy": 90.0}  # fmt: skip
-OPENMVG = {"sfm_data_version": "0.3", "root_path": "", "views": [], "intrinsics": [],
-           "extrinsics": [], "structure": []}  # fmt: skip
-BLENDER = [{"name": "a", "matrix_world": POSE, "lens": 50, "sensor_width": 36,
-            "resolution_x": 64, "resolution_y": 48}]  # fmt: skip
-MCCALIB = (
-    "%YAML:1.0\n---\nnb_camera: 1\ncamera_0:\n   camera_matrix: !!opencv-matrix\n      rows: 3\n"
-    "      cols: 3\n      dt: d\n      data: [ 90., 0., 32., 0., 90., 24., 0., 0., 1. ]\n"
-    "   distortion_vector: !!opencv-matrix\n      rows: 1\n      cols: 5\n      dt: d\n"
-    "      data: [ 0., 0., 0., 0., 0. ]\n   distortion_type: 0\n   camera_group: 0\n"
-    "   img_width: 64\n   img_height: 48\n   camera_pose_matrix: !!opencv-matrix\n"
-    "      rows: 4\n      cols: 4\n      dt: d\n"
-    "      data: [ 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1. ]\n"
-)
-BOP = {"cam_K": np.ravel(K).tolist(), "cam_R_w2c": R.ravel().tolist(), "cam_t_w2c": T.tolist()}
 METASHAPE = (
     '<?xml version="1.0" encoding="UTF-8"?>\n<document version="1.5.0"><chunk label="a" enabled='
     '"true"><sensors next_id="1"><sensor id="0" label="a" type="frame"><resolution width="64" '
@@ -88,20 +74,10 @@ QUALISYS = (
     '<calibration><cameras><camera serial="1"><fov_video left="0"/><transform x="1"/>'
     '<intrinsic focalLengthU="9"/></camera></cameras></calibration>\n'
 )
-EUROC = (
-    "sensor_type: camera\nT_BS:\n  cols: 4\n  rows: 4\nresolution: [64, 48]\n"
-    "camera_model: pinhole\nintrinsics: [90, 90, 32, 24]\ndistortion_model: equidistant\n"
-)
-BASALT = {"value0": {"T_imu_cam": [], "intrinsics": [{"camera_type": "ds", "intrinsics": {}}],
-                     "resolution": [[64, 48]]}}  # fmt: skip
-OPEN3D = {"class_name": "PinholeCameraParameters", "extrinsic": [],
-          "intrinsic": {"width": 64, "height": 48, "intrinsic_matrix": []}}  # fmt: skip
 PIX4D = (
     "fileName imageWidth imageHeight\ncamera matrix K [3x3]\nradial distortion [3x1]\n"
     "camera model m = K [R|-Rt] X\n\na.png 64 48\n"
 )
-NERFSTUDIO = {"camera_path": [{"camera_to_world": [], "fov": 50}], "render_width": 64,
-              "render_height": 48}  # fmt: skip
 
 #: For each format, sets of files; the first of a set is the one that is read, and its folder too
 #: where the format has folders.
@@ -128,36 +104,24 @@ SAMPLES = {
                + "0 0 0 0 0\n" * 3}],
     "bundler": [{"bundle.out": "# Bundle file v0.3\n1 0\n90 0 0\n" + rows([*R, T]),
                  "list.txt": "a.png\n"}],
-    "nvm": [{"a.nvm": f"NVM_V3\n\n1\na.png 90 {QUATERNION} 1 2 3 0 0\n\n0\n"}],
-    "mvsnet": [{"cams/0_cam.txt": f"extrinsic\n{rows(POSE)}\nintrinsic\n{rows(K)}\n425 2.5\n",
-                "cams/pair.txt": "1\n0\n0\n"}],
     "projection": [{"txt/a.txt": rows(P)}, {"txt/a.txt": "CONTOUR\n" + rows(P)}],
     "dlt": [{"a_DLTcoefs.csv": "".join(f"{v},{v}\n" for v in (P / P[2, 3]).ravel()[:11])}],
     "easymocap": [{"intri.yml": storage(".yml", {"K_1": K, "dist_1": [[0.0] * 5]}),
                    "extri.yml": storage(".yml", {"R_1": [[0.0]] * 3, "T_1": [[9.0]] * 3})}],
-    "mccalib": [{"calibrated_cameras_data.yml": MCCALIB}],
     "mrcal": [{"a.cameramodel": "{\n    'lensmodel': 'LENSMODEL_PINHOLE',\n    'extrinsics': "
                "[0, 0, 0, 0, 0, 1],\n    'intrinsics': [90, 90, 32, 24],\n"
                "    'imagersize': [64, 48]\n}\n"}],
     "metashape": [{"cameras.xml": METASHAPE}],
     "gaussian_splatting": [{"cameras.json": json.dumps([SPLAT])}],
-    "bop": [{"scene_camera.json": json.dumps({"0": BOP})}],
-    "openmvg": [{"sfm_data.json": json.dumps(OPENMVG)}],
-    "blender": [{"cameras.json": json.dumps(BLENDER)}],
     "alicevision": [{"cameras.sfm": json.dumps(ALICEVISION)}],
     "opensfm": [{"reconstruction.json": json.dumps([OPENSFM])}],
     "qualisys": [{"a.qca.txt": QUALISYS}],
     "kitti": [{"calib_cam_to_cam.txt": "".join(f"{key}_00: 1 2 3\n" for key in "SKDRT")},
               {"calib.txt": "".join(f"P{i}: {' '.join(rows(P).split())}\n" for i in range(4))}],
-    "euroc": [{"cam0/sensor.yaml": EUROC}],
-    "basalt": [{"calibration.json": json.dumps(BASALT)}],
-    "open3d": [{"camera.json": json.dumps(OPEN3D)}],
     "camera_table": [{"a.csv": "name,x,y,z,look_x,look_y,look_z,focal_mm,pitch_um\n"},
                      {"a.tsv": "camera\tx [mm]\ty [mm]\tz [mm]\n"}],
     "realitycapture": [{"a.csv": "#name,x,y,alt,heading,pitch,roll,f\na.png,1,2,3,4,5,6,20\n"}],
     "pix4d": [{"a_calibrated_camera_parameters.txt": PIX4D}],
-    "nerfstudio": [{"camera_path.json": json.dumps(NERFSTUDIO)},
-                   {"a.json": '[{"file_path": "a.png", "transform": []}]'}],
 }  # fmt: skip
 #: Formats whose folder is a rig too: the folder of the sample's first file.
 FOLDERS = (
@@ -165,7 +129,6 @@ FOLDERS = (
     "openptv",
     "opencv",
     "myptv",
-    "mvsnet",
     "projection",
     "easymocap",
     "mrcal",

@@ -170,33 +170,6 @@ def test_alicevisions_views_without_a_pose_are_named(tmp_path, caplog):
         formats.load(path)
 
 
-def open3d():
-    """A PinholeCameraTrajectory; Eigen's matrices are written column by column."""
-    parameters = []
-    for truth in TRUTHS:
-        K = np.array([[truth.fx, 0, truth.cx], [0, truth.fy, truth.cy], [0, 0, 1]])
-        extrinsic = np.linalg.inv(truth.camera_to_world())
-        parameters.append({
-            "class_name": "PinholeCameraParameters",
-            "extrinsic": extrinsic.ravel(order="F").tolist(),
-            "intrinsic": {"width": 640, "height": 480,
-                          "intrinsic_matrix": K.ravel(order="F").tolist()},
-            "version_major": 1, "version_minor": 0,
-        })  # fmt: skip
-    return {"class_name": "PinholeCameraTrajectory", "parameters": parameters,
-            "version_major": 1, "version_minor": 0}  # fmt: skip
-
-
-def test_open3d(assert_projects, tmp_path):
-    path = tmp_path / "trajectory.json"
-    path.write_text(json.dumps(open3d(), indent=1))
-    assert formats.sniff(path) == "open3d"
-    check(assert_projects, formats.load(path), [brown()] * 3)
-    path.write_text(json.dumps(open3d()["parameters"][1]))
-    (camera,) = formats.load(path)
-    assert_projects(camera, TRUTHS[1].pixels)
-
-
 def pix4d():
     """A *_calibrated_camera_parameters.txt, whose head states m = K [R|-Rt] X."""
     lines = ["fileName imageWidth imageHeight", "camera matrix K [3x3]",
@@ -275,34 +248,6 @@ def test_realitycapture(assert_projects, tmp_path):
     np.testing.assert_allclose(formulas[2](origins + 300 * directions), uv, rtol=0, atol=1e-6)
 
 
-def nerfstudio():
-    """A camera_path.json: OpenGL's axes, the vertical field of view in degrees."""
-    path = [
-        {"camera_to_world": truth.opengl_to_world().ravel().tolist(), "fov": 40.0 + 5 * i,
-         "aspect": 4 / 3}
-        for i, truth in enumerate(TRUTHS)
-    ]  # fmt: skip
-    return {"camera_type": "perspective", "render_height": 480, "render_width": 640,
-            "camera_path": path, "fps": 24, "seconds": 4}  # fmt: skip
-
-
-def test_nerfstudio(assert_projects, tmp_path):
-    path = tmp_path / "camera_path.json"
-    path.write_text(json.dumps(nerfstudio()))
-    assert formats.sniff(path) == "nerfstudio"
-    for i, (camera, truth) in enumerate(zip(formats.load(path), TRUTHS, strict=True)):
-
-        def formula(points, truth=truth, degrees=40 + 5 * i):
-            # the upper and lower edge of the image are at -1 and 1
-            edge = truth.plane(points) / np.tan(np.deg2rad(degrees) / 2)
-            return edge * 240 + [319.5, 239.5]
-
-        assert_projects(camera, formula)
-    path.write_text(json.dumps([{"file_path": "a.png", "transform": np.eye(4)[:3].tolist()}]))
-    with pytest.raises(ValueError, match="fov: missing, as ns-export's lists hold poses alone"):
-        formats.load(path)
-
-
 SFM = json.dumps(alicevision(("brown",) * 3))
 SCENE = json.dumps(opensfm())
 
@@ -326,14 +271,11 @@ SCENE = json.dumps(opensfm())
         ("a.sfm", SFM, '"center": [', '"center": ["far", ', "view 10: pose 20: center: found"),
         ("a.sfm", SFM, '"type": "brown"', '"type": []', "view 10: intrinsics 30: type: found []"),
         ("a.sfm", SFM, '"23.5"', '"0"', "view 10: intrinsics 30: sensorWidth, pixelRatio: found"),
-        ("t.json", json.dumps(open3d()), '"extrinsic"', '"pose"', "camera camera0: extrinsic: mi"),
         ("p.txt", pix4d(), "0 0 1\n", "", "image DSC 00.JPG: radial distortion: found"),
         ("p.txt", pix4d() + "a.png 9 7\n", "x", "x", "image a.png: found ['9', '7'] and 0 lines"),
         ("p.txt", pix4d(), "640 480", "640 wide", "image DSC 00.JPG: imageWidth, imageHeight: fo"),
         ("c.csv", realitycapture()[0], "170.3", "north", "image a.jpg: heading: found 'north'"),
         ("c.csv", realitycapture()[0], "170.3,", "", "found a line of 15 values, expected 16"),
-        ("n.json", json.dumps(nerfstudio()), "45.0", "180.0", "camera camera1: fov: found 180.0"),
-        ("n.json", json.dumps(nerfstudio()), "perspective", "fisheye", "camera_type: found 'fish"),
     ],
 )  # fmt: skip
 def test_what_is_wrong_is_named(tmp_path, name, content, old, new, message):

@@ -23,7 +23,7 @@ def ended(tool, *arguments, **settings):
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name")
-@pytest.mark.parametrize("name", ["rig.yaml", "scan.yaml", "transforms.json", "a.nvm", "a.npz"])
+@pytest.mark.parametrize("name", ["rig.yaml", "scan.yaml", "transforms.json", "a.sfm", "a.npz"])
 def test_a_pipe_is_refused_where_a_file_is_read(tmp_path, run_tool, name):
     os.mkfifo(tmp_path / name)
     verb = "visualize-volume" if name == "a.npz" else "check-rig"
