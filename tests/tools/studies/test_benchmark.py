@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies.benchmark import STUDY, basis
+from studies.benchmark import STUDY, accuracy
 from studies.benchmark import solvers as solver_part
 from studies.common.study import Request
 
@@ -148,13 +148,13 @@ def test_a_process_takes_at_least_as_long_as_its_steps():
         assert whole > sum(row["warm"] for row in steps if row["step"] != "whole process") > 0
 
 
-def test_the_basis_is_compared_with_the_best_classic_method(monkeypatch):
-    monkeypatch.setattr(basis, "RIGS", (33,))
-    monkeypatch.setattr(basis, "NOISES", ("gaussian",))
-    for row in STUDY.measure("basis", Request("tiny"))["basis"]:
-        assert row["stopped_cosine_distance"] <= 1.05 * row["voxel_cosine_distance"]
-        ratio = row["linear_cosine_distance"] / row["stopped_cosine_distance"]
-        assert row["linear_of_stopped"] == pytest.approx(ratio)
+def test_the_default_is_compared_with_the_best_classic_method(monkeypatch):
+    monkeypatch.setattr(accuracy, "RIGS", (33,))
+    monkeypatch.setattr(accuracy, "NOISES", ("gaussian",))
+    for row in STUDY.measure("accuracy", Request("tiny"))["accuracy"]:
+        assert row["best_classical_cosine_distance"] <= 1.05 * row["voxel_cosine_distance"]
+        assert row["nrmse"] ** 2 == pytest.approx(2 * row["cosine_distance"], rel=0.2)
+        assert 0 < row["seconds"] < row["whole_seconds"]
 
 
 def test_blobs_are_judged_as_the_volume_that_they_make():

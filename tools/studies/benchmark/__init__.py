@@ -8,11 +8,11 @@ STUDY = Study(
     "benchmark",
     "Run time against error, with memory, threads, start-up and accuracy.",
     {
+        "accuracy": ("The default against the truth", "studies.benchmark.accuracy"),
         "projectors": ("Projectors", "studies.benchmark.projectors"),
         "solvers": ("Solvers", "studies.benchmark.solvers"),
         "skipping": ("Skipping of what is proved empty", "studies.benchmark.skipping"),
         "plume": ("A real plume", "studies.benchmark.plume"),
-        "basis": ("Voxel or linear basis", "studies.benchmark.basis"),
         "gpu": ("On a GPU", "studies.benchmark.gpu"),
         "scaling": ("Growth with grid and views", "studies.benchmark.scaling"),
         "threads": ("Growth with threads", "studies.benchmark.threads"),

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from studies.common.fingerprint import origin
 from studies.common.machine import machine
 
 if TYPE_CHECKING:
@@ -20,6 +21,7 @@ def fresh_run(study: str, version: int, request: Request) -> dict[str, Any]:
         "size": request.size,
         "seed": request.seed,
         "machine": machine(),
+        **origin(),
         "parts": {},
     }
 

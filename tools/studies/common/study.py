@@ -158,7 +158,8 @@ def _measure(
     for name in dict.fromkeys(wanted or study.parts):
         if name in result["parts"]:
             continue
-        module, loaded, started = study.module(name), load(), time.perf_counter()
+        module, loaded = study.module(name), load()
+        started, busy = time.perf_counter(), time.process_time()
         try:
             getattr(module, "check", _accept)(request)
         except ValueError as error:
@@ -167,6 +168,7 @@ def _measure(
         with progress_of(True, name) as progress:
             tables = study.measure(name, replace(request, progress=progress))
         record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
+        record["cpu_seconds"] = time.process_time() - busy  # without processes that it starts
         record["pictures"] = _draw(module, tables, out, study.name)
         kept[name] = record | {"tables": plain(_stored(tables), digits=5)}
         result["parts"] = {key: kept[key] for key in study.parts if key in kept}

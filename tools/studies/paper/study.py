@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json as json_library
-import subprocess
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ import typer
 from rigs.files import atomic_path
 from rigs.files.json_file import plain, write_json
 from rigs.progress import progress_of
+from studies.common.fingerprint import commit
 from studies.common.machine import machine
 from studies.common.page import markdown, significant
 from studies.paper.claims import CLAIMS
@@ -88,7 +88,7 @@ def run_rows(wanted: Iterable[Row], out: Path, size: str) -> dict[str, Any]:
         with progress_of(True, row.part) as progress:
             record = measured_row(_of_size(row, size), out, progress)
         host = {key: machine()[key] for key in ("cpu", "cores")}
-        record |= {"command": row.command, "commit": _commit(), **host}
+        record |= {"command": row.command, "commit": commit(), **host}
         result["rows"][row.name] = plain(record, digits=6)
         write_json(path, result, indent=1)
         write_page(result, out, row.part)
@@ -148,17 +148,6 @@ def _kept(path: Path, size: str) -> dict[str, Any]:
         if found.get(key) != fresh[key]:
             raise ValueError(f"{path}: {key}: found {found.get(key)!r}, expected {fresh[key]!r}")
     return found
-
-
-def _commit() -> str:
-    """Return the commit of this checkout, or "unknown"."""
-    command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
-    where = Path(__file__).parent
-    try:
-        done = subprocess.run(command, cwd=where, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return done.stdout.strip()
 
 
 def _check_known(option: str, names: Sequence[str], known: Mapping[str, Any]) -> None:
