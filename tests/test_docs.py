@@ -1,8 +1,11 @@
 """The pages: links lead somewhere, examples have their form, and what they name is there."""
 
 import ast
+import json
 import re
+import sys
 import textwrap
+import warnings
 from pathlib import Path
 
 import numpy as np
@@ -17,6 +20,10 @@ from tomo.pipeline.methods import method_names
 from tomo.solvers import METHODS
 
 ROOT = Path(__file__).parents[1]
+sys.path.append(str(ROOT / "tools"))
+
+from studies import figures  # noqa: E402
+
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")])
 EXAMPLES = sorted((ROOT / "docs/examples").glob("*.py"))
 MOST_JSON = 200_000  # bytes
@@ -103,6 +110,18 @@ def test_the_readme_is_short():
 def test_no_large_results_lie_among_the_pages():
     large = [p for p in (ROOT / "docs").rglob("*.json") if p.stat().st_size > MOST_JSON]
     assert not large
+
+
+@pytest.mark.parametrize("page", figures.pages(), ids=name_of)
+def test_tables_are_those_of_the_figures(page):
+    known = json.loads(figures.FIGURES.read_text("utf-8"))
+    text = page.read_text("utf-8")
+    assert figures.with_tables(text, known, page.name) == text
+
+
+def test_whoever_changed_the_default_is_told_which_figures_to_measure_again():
+    for line in figures.stale(json.loads(figures.FIGURES.read_text("utf-8"))):
+        warnings.warn(line, stacklevel=1)
 
 
 @pytest.mark.parametrize("page", PAGES, ids=name_of)

@@ -1,4 +1,4 @@
-"""The tables of README and docs/results, from one file: ``python tools/studies/figures.py [RUN ...]``.
+"""The tables of README and docs/results: ``python tools/studies/figures.py [RUN ...]``.
 
 A ``RUN`` is the JSON that a study wrote, such as out/benchmark/benchmark.json. Its parts go into
 docs/results/figures.json, in place of those that were there; then every table is written anew.
@@ -64,9 +64,7 @@ def with_tables(text: str, figures: Figures, where: str) -> str:
             rows = [row for row in record["tables"][table] if _is_chosen(row, "".join(chosen))]
             missing = [key for key in columns.split() if key not in rows[0]]
         except (KeyError, IndexError):
-            raise ValueError(
-                f"{where}: {place[2]}: found no such rows in {FIGURES.name}"
-            ) from None
+            raise ValueError(f"{where}: no rows of {place[2]!r} in {FIGURES.name}") from None
         if missing:
             raise ValueError(f"{where}: {address}: found no column {missing[0]}")
         cpu, cores = (record["machine"][key] for key in ("cpu", "cores"))

@@ -46,7 +46,7 @@ def commit() -> str:
 
 
 def hash_of(modules: Iterable[str], root: Path = ROOT) -> str:
-    """Return a hash of modules' code, given by their paths below ``root``; "" where one is gone."""
+    """Return a hash of modules, given by their paths below ``root``; "" where one is gone."""
     found = hashlib.sha256()
     for path in modules:
         if not (root / path).is_file():
