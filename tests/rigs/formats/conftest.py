@@ -4,7 +4,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import strategies as st
 
 from rigs import Camera, Distortion, Rig, look_at
 
@@ -82,22 +81,6 @@ def assert_projects():
 
 
 @pytest.fixture(scope="session")
-def read_or_refused():
-    """Return a function: what ``load(path)`` returns, or None where it refuses in one line."""
-
-    def read(load, path):
-        try:
-            return load(path)
-        except ValueError as error:
-            message = str(error)
-        assert message.startswith(str(path))
-        assert len(message.splitlines()) == 1
-        return None
-
-    return read
-
-
-@pytest.fixture(scope="session")
 def mutated():
     """Return a function: a copy of plain data with another value at a path; None deletes it."""
 
@@ -113,16 +96,3 @@ def mutated():
         return data
 
     return change
-
-
-@pytest.fixture(scope="session")
-def damaged():
-    """Return a function: a text with a piece of it replaced by junk that hypothesis draws."""
-
-    def damage(text, data):
-        cut = data.draw(st.integers(0, len(text)))
-        end = cut + data.draw(st.integers(0, 30))
-        junk = data.draw(st.text('0179.-+eE[]{}:,"= \n\tx&*!#', max_size=10))
-        return text[:cut] + junk + text[end:]
-
-    return damage

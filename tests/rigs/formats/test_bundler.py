@@ -6,11 +6,8 @@ import re
 import cv2
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import formats, look_at
-from rigs.formats import bundler
 
 SIZE = (640, 480)
 POINTS = np.random.default_rng(0).uniform(-30, 30, (200, 3))
@@ -105,12 +102,3 @@ def test_what_is_wrong_is_named(tmp_path, text, message):
         formats.load(file, "bundler", image_size=SIZE)
     assert str(error.value).startswith(f"{file}: {message}")
     assert len(str(error.value).splitlines()) == 1
-
-
-@given(data=st.data())
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=30)
-def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, data):
-    file = tmp_path / "a.txt"
-    file.write_text(damaged(bundle(), data))
-    rig = read_or_refused(lambda path: bundler.load(path, SIZE), file)
-    assert rig is None or len(rig)

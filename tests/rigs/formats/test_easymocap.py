@@ -7,11 +7,8 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import formats
-from rigs.formats import easymocap
 
 
 def storage_text(fields):
@@ -125,13 +122,3 @@ def test_what_is_wrong_is_named(make_rig, tmp_path, half, fields, message):
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")) as caught:
         formats.load(file)
     assert "\n" not in str(caught.value)
-
-
-@given(data=st.data())
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(make_rig, read_or_refused, damaged, tmp_path, data):
-    file = tmp_path / "a.yml"
-    intri, extri = halves(make_rig("brown", seed=1))
-    file.write_text(damaged(storage_text({**intri, **extri}), data))
-    rig = read_or_refused(easymocap.load, file)
-    assert rig is None or len(rig)

@@ -4,11 +4,8 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import RayTable, formats, look_at
-from rigs.formats import metashape
 
 FRAME = {"f": 803.5, "cx": -3.2, "cy": 2.7, "b1": 9.5, "b2": -0.8, "k1": -0.12, "k2": 0.05,
          "k3": 0.01, "p1": -0.002, "p2": 0.001}  # fmt: skip
@@ -196,11 +193,3 @@ def test_a_chunk_without_poses_is_refused(tmp_path):
     text = re.sub("<transform>.*?</transform>", "", document())
     with pytest.raises(ValueError, match="found none with a transform among 3, expected aligned"):
         formats.load(write(tmp_path, text))
-
-
-@given(data=st.data())
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
-def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, data):
-    file = write(tmp_path, damaged(document(extra=WORLD), data))
-    rig = read_or_refused(metashape.load, file)
-    assert rig is None or len(rig)

@@ -4,8 +4,6 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import RayTable, formats
 from rigs.formats import myptv
@@ -111,12 +109,3 @@ def test_what_is_wrong_in_myptvs_files_is_named(tmp_path, old, new, message):
     file.write_text(myptv_text(MYPTV).replace(old, new))
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
         myptv.load(file, (1280, 1024))
-
-
-@given(data=st.data())
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=35)
-def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, data):
-    file = tmp_path / "cam"
-    file.write_text(damaged(myptv_text(MYPTV), data))
-    rig = read_or_refused(lambda path: myptv.load(path, (64, 48)), file)
-    assert rig is None or len(rig)

@@ -5,8 +5,6 @@ import cv2
 import numpy as np
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import formats
 from rigs.formats import opencv
@@ -290,19 +288,6 @@ def test_skew_is_refused(make_rig, tmp_path):
     with pytest.raises(ValueError, match=r"camera cam0: camera_matrix: found skew 0.5"):
         formats.save(make_rig("none", skew=0.5), tmp_path / "rig.yml")
     assert list(tmp_path.iterdir()) == []
-
-
-@given(
-    cut=st.integers(0, len(SAMPLE)),
-    end=st.integers(0, 40),
-    text=st.text("0123456789.-:[]{}!%&*\n\t'\"# einf", max_size=12),
-)
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=200)
-def test_broken_files_are_refused_or_read(read_or_refused, tmp_path, cut, end, text):
-    path = tmp_path / "left.yml"
-    path.write_text(SAMPLE[:cut] + text + SAMPLE[cut + end :])
-    rig = read_or_refused(opencv.load, path)
-    assert rig is None or len(rig)
 
 
 def test_what_is_refused_is_not_warned_of_too(tmp_path, caplog):

@@ -6,11 +6,8 @@ import re
 import cv2
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import formats, look_at
-from rigs.formats import dlt, projection
 
 SIZE = (640, 480)
 POINTS = np.random.default_rng(0).uniform(-40, 40, (200, 3))
@@ -173,14 +170,3 @@ def test_what_is_wrong_in_a_table_is_named(tmp_path, text, message):
     with pytest.raises(ValueError, match=re.escape(message)) as error:
         formats.load(file, "dlt", image_size=SIZE)
     assert str(error.value).startswith(f"{file}: {message}")
-
-
-@given(data=st.data())
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=60)
-def test_broken_files_are_refused_or_read(read_or_refused, damaged, tmp_path, matrices, data):
-    table = data.draw(st.booleans())
-    file = write(tmp_path / "a.csv", coefficients(matrices) if table else matrices[0])
-    file.write_text(damaged(file.read_text(), data))
-    module = dlt if table else projection
-    rig = read_or_refused(lambda path: module.load(path, SIZE), file)
-    assert rig is None or len(rig)
