@@ -16,7 +16,14 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 ROOT = Path(__file__).resolve().parent.parent
 sys.path += [str(ROOT / "tests/tomo/operators/gpu"), str(ROOT / "tools")]
-from host_build import cuda, cupy, host, libraries, shuffled  # noqa: E402, F401
+from host_build import (  # noqa: E402
+    cuda,  # noqa: F401
+    cupy,  # noqa: F401
+    host,  # noqa: F401
+    libraries,  # noqa: F401
+    on_arrays_of,  # noqa: F401
+    shuffled,  # noqa: F401
+)
 
 SECONDS = 2.0  # of processor time for a reader's refusal of one small file
 MEMORY = 260 << 20  # bytes that a refusal may take: twice what the size guard allows to any file

@@ -59,16 +59,17 @@ class DenseBox:
 
 
 def blurred(dense: Any, taps: Sequence[float]) -> Any:
-    """Return a box blurred along its three axes by symmetric taps; zero is around it."""
+    """Return a box blurred along its three axes by some taps; zero is around it.
+
+    Axes and taps follow in the order of `tomo.grid.blur`, which gives the same bits.
+    """
     reach = len(taps) // 2
-    for axis in range(3):
+    for axis in (2, 1, 0):
         count = dense.shape[axis]
         padded = pad(dense, axis, reach, reach)
-        dense = taps[reach] * dense
-        for away in range(1, reach + 1):
-            lower = part(padded, axis, reach - away, reach - away + count)
-            upper = part(padded, axis, reach + away, reach + away + count)
-            dense = dense + taps[reach + away] * (lower + upper)
+        dense = taps[0] * part(padded, axis, 0, count)
+        for first in range(1, len(taps)):
+            dense = dense + taps[first] * part(padded, axis, first, first + count)
     return dense
 
 

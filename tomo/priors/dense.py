@@ -29,7 +29,8 @@ def transposed_differences(field: Any, factors: list[float]) -> Any:
     dense = zeros(field.shape[1:], field)
     for axis, factor in enumerate(factors):
         step = factor * part(field[axis, ...], axis, 0, field.shape[1 + axis] - 1)
-        dense = dense + (pad(step, axis, 1, 0) - pad(step, axis, 0, 1))
+        dense = dense - pad(step, axis, 0, 1)  # in the order of `tomo.priors.differences`
+        dense = dense + pad(step, axis, 1, 0)
     return dense
 
 

@@ -15,6 +15,17 @@ from tomo.series.run import run_plan
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
 
+NEAR = 1e-4
+"""Of the norm. Products round otherwise in the last bit, and in 40 iterations roundings grow some
+three hundredfold where four views leave voxels to the noise: a last bit of the images moves the
+CPU's own volumes of these frames by as much."""
+
+
+def off(one, other):
+    values, expected = (each.group["emission"][:].ravel() for each in (one, other))
+    return np.linalg.norm(values - expected) / np.linalg.norm(expected)
+
+
 class Lost(Exception):  # noqa: N818
     """What CuPy raises where a device is gone."""
 
@@ -39,9 +50,18 @@ def test_volumes_are_those_of_the_cpu(store, undisturbed):
     assert store.attributes["place"] == "computed on Stand-in (cuda:0)"
     assert undisturbed.attributes["place"] == "computed on the CPU"
     assert store.attributes["plan"]["device"] == "cuda"
-    own, there = undisturbed.group["emission"][:], store.group["emission"][:]
-    off = np.linalg.norm((own - there).ravel()) / np.linalg.norm(own.ravel())
-    assert off < 2e-4  # roundings to single precision, which the solve of noise makes larger
+    assert off(store, undisturbed) < NEAR
+
+
+def test_arrays_that_are_not_numpys_give_the_same_bits(
+    film, store, cupy, on_arrays_of, tmp_path, choose_quickly
+):
+    on_arrays_of("array_api_strict")
+    with choose_quickly():
+        found = reconstruct_series(
+            film.scan, tmp_path / "out.zarr", options=film.options.but(device="auto")
+        )
+    assert np.array_equal(found.group["emission"][:], store.group["emission"][:])
 
 
 def test_the_page_of_a_film_says_where_it_was_computed(store):

@@ -17,6 +17,7 @@ import pytest
 
 from tomo.operators.gpu import CudaDevice, DeviceError
 from tomo.operators.gpu.device import THREADS_A_BLOCK
+from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.kernels import NAMES, source
 
 HERE = Path(__file__).parent
@@ -99,6 +100,7 @@ class CurrentDevice(nullcontext):
 class StandIn:
     """CuPy as far as it is asked, on the host's build of the kernels."""
 
+    ndarray = Array
     from_dlpack = staticmethod(lambda values: np.from_dlpack(values).view(Array))
     ascontiguousarray = staticmethod(np.ascontiguousarray)
     asnumpy = staticmethod(lambda values: np.array(values))
@@ -147,6 +149,24 @@ def cupy(host, monkeypatch):
     stand_in = StandIn(host)
     monkeypatch.setitem(sys.modules, "cupy", stand_in)
     return stand_in
+
+
+@pytest.fixture
+def on_arrays_of(monkeypatch):
+    """Return a function: the name of a library of which arrays on the device are from then on."""
+
+    def take(name):
+        pytest.importorskip("array_api_compat")
+        library = pytest.importorskip(name)
+
+        def array(operator, values):
+            return values if operator.takes(values) else library.asarray(np.array(values))
+
+        monkeypatch.setattr(CudaDevice, "holds", lambda device, values: True)
+        monkeypatch.setattr(DeviceOperator, "array", array)
+        return library
+
+    return take
 
 
 @pytest.fixture(scope="session")
