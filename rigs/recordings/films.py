@@ -10,7 +10,6 @@ import os
 import re
 from dataclasses import dataclass
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -150,8 +149,6 @@ def open_recording(path: str | os.PathLike, raw: RawLayout | None = None) -> Rec
             f"{file}: recording: found suffix {file.suffix!r}, expected a folder of images, or "
             f"one of {known}; a binary film needs its description, raw: in scan.yaml"
         )
-    if found.module == "video" and find_spec("av") is None:
-        return _reader("video_opencv", "OpenCVVideo")(file)
     reader = _reader(found.module, found.reader)
     return reader(file, member) if member is not None else reader(file)
 

@@ -33,7 +33,6 @@ from rigs.recordings import (
     read_still,
     split_member,
 )
-from rigs.recordings.film_formats.video_opencv import OpenCVVideo
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume, write_volume
 from tomo.wernet import Encoder, load_encoder, save_encoder
@@ -286,9 +285,9 @@ def _tiffs():
     )
 
 
-def read_film(path, opened=open_recording):
+def read_film(path):
     """Read some frames of a film, and what its file says of them."""
-    recording = opened(path)
+    recording = open_recording(path)
     assert recording.timestamps is None or len(recording.timestamps) == recording.n_frames
     try:
         for index in range(min(recording.n_frames, 3)):
@@ -303,9 +302,6 @@ def _films(folder):
         place.mkdir()
         path, _ = make(place, **settings)
         return (place / name if name else split_member(path)[0]).read_bytes()
-
-    def by_opencv(path):
-        read_film(path, OpenCVVideo)
 
     def in_zarr(path):
         read_film(next(one for one in path.parents if one.suffix == ".zarr"))
@@ -326,7 +322,6 @@ def _films(folder):
     return {
         "film .tif": Reader("a.tif", read_film, _stacks(), BINARY),
         "film .avi": Reader("a.avi", read_film, videos, BINARY),
-        "film .avi by OpenCV": Reader("a.avi", by_opencv, videos, BINARY),
         "film .cine": Reader("a.cine", read_film, cines, BINARY),
         "film .mraw": Reader("a.mraw", read_film, photron[1:], BINARY, {"a.cihx": photron[0]}),
         "film .cihx": Reader("a.cihx", read_film, photron[:1], TEXT, {"a.mraw": photron[1]}),

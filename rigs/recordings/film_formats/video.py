@@ -14,12 +14,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from rigs.recordings.film_formats.video_opencv import DECODING, TWO_BYTES
 from rigs.recordings.notes import lossy_note
 from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors, needs
 
 if TYPE_CHECKING:
     import av
+
+_DECODING = 12
+"""Bytes of memory a pixel, while a decoder turns a picture into colours and these into grey."""
+
+_TWO_BYTES = (
+    "found raw pixels of two bytes each, which are grey levels of 16 bits or three colours of 5: "
+    "the file does not say. Write it as TIFF, or give raw: in scan.yaml with header_bytes and "
+    "gap_bytes of its frames"
+)
+"""The message on videos that decoders take for colours, and cameras mean as grey levels."""
 
 _MISSING = 0.1  # fraction of the pictures that a header states which may not be there
 _TIMED = {"mp4", "matroska"}  # FFmpeg's names of formats that say when each picture is shown
@@ -61,11 +70,11 @@ class Video(Reopened):
                 rate = stream.average_rate
                 self.frame_rate = float(rate) if rate else None
                 self.image_size = (stream.width, stream.height)
-                check_claim(DECODING * stream.width * stream.height, self.path.stat().st_size)
+                check_claim(_DECODING * stream.width * stream.height, self.path.stat().st_size)
                 if stream.codec_context.name == "rawvideo" and _FIVE_BITS.match(
                     stream.format.name
                 ):
-                    raise ValueError(TWO_BYTES)
+                    raise ValueError(_TWO_BYTES)
                 bits = max((one.bits for one in stream.format.components), default=8)
             self.bit_depth = next((one for one in _GREY if one >= bits), 16)
             self.n_frames, self.timestamps = self._indexed()
