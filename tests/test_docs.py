@@ -339,5 +339,5 @@ def test_the_example_of_a_rig_format_reads_its_example_of_a_file(tmp_path):
     rig = names["load"](path)
     assert rig["left"].position == pytest.approx([-300, 0, 500])
     path.write_text(data.replace("640", "wide"), "utf-8")
-    with pytest.raises(ValueError, match=r"cameras\.csv: camera left: "):
+    with pytest.raises(ValueError, match=r"^camera left: "):
         names["load"](path)

@@ -12,8 +12,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "camera_table",
         "colmap",
         "dlt",
-        "dlt_bottom",
-        "dlt_matlab",
         "easymocap",
         "emission_rig",
         "gaussian_splatting",

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import logging
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from os import PathLike
 from pathlib import Path
 from typing import Any
 
@@ -47,14 +47,20 @@ def errors_of(where: object) -> Iterator[None]:
 
 
 @contextmanager
-def errors_of_file(path: str | PathLike) -> Iterator[None]:
-    """Put the file's name before the one line of a ValueError that does not begin with it."""
+def errors_of_file(path: str | os.PathLike) -> Iterator[None]:
+    """Put the file's name before the one line of a ValueError that begins with none of its folder.
+
+    It may begin with a file in ``path``, beside it, or in the folder above, as of a project.
+    """
     try:
         yield
     except ValueError as error:
         line = " ".join(str(error).split())
-        named = line.startswith(" ".join(f"{path}: ".split()))
-        raise ValueError(line if named else f"{path}: {line}") from None
+        folder = os.path.dirname(path)
+        folders = [os.path.join(one, "") for one in (path, folder, os.path.dirname(folder)) if one]
+        known = (" ".join(one.split()) for one in (f"{path}: ", *folders))
+        is_named = line.startswith(tuple(known))
+        raise ValueError(line if is_named else f"{path}: {line}") from None
 
 
 def as_number(found: Any, what: str) -> float:
@@ -98,7 +104,7 @@ def as_mapping(found: object, what: str) -> dict[str, Any]:
     return found
 
 
-def usable_name(name: str, path: PathLike) -> str:
+def usable_name(name: str, path: str | os.PathLike) -> str:
     """Return a camera's name without slashes, which could name no folder; a warning says so."""
     usable = name.replace("/", "_").replace("\\", "_")
     if usable != name:

@@ -31,7 +31,6 @@ from rigs.formats._values import (
     as_number,
     as_rotation,
     errors_of,
-    errors_of_file,
     flat,
     required,
 )
@@ -65,36 +64,28 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``.sfm`` after a reconstruction.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``.sfm`` after a reconstruction."""
     data = read_json_mapping(path)
-    with errors_of_file(path):
-        version = tuple(flat(data.get("version", ()), "version").tolist())
-        lenses, poses = _by(data, "intrinsics", "intrinsicId"), _by(data, "poses", "poseId")
-        views = Views(path, _FIELDS)
-        for number, view in _by(data, "views", "viewId").items():
-            name = view.get("path")
-            with errors_of(f"view {number}"):
-                if not isinstance(name, str):
-                    raise ValueError(f"path: found {shortened(name)}, expected an image's name")
-                if view.get("isPoseIndependant", "true") not in ("true", "1", True):
-                    found = shortened(view["isPoseIndependant"])
-                    raise ValueError(f"isPoseIndependant: found {found}, expected a pose of its "
-                                     "own, not its rig's")  # fmt: skip
-                lens, pose = (str(view.get(key)) for key in ("intrinsicId", "poseId"))
-                if pose not in poses or lens not in lenses:
-                    views.lost.append(name or number)
-                    continue
-                camera = _camera(lenses[lens], poses[pose], version)
-                views.add(name or number, camera, lens)
-        with errors_of("poses"):
-            return views.rig()
+    version = tuple(flat(data.get("version", ()), "version").tolist())
+    lenses, poses = _by(data, "intrinsics", "intrinsicId"), _by(data, "poses", "poseId")
+    views = Views(path, _FIELDS)
+    for number, view in _by(data, "views", "viewId").items():
+        name = view.get("path")
+        with errors_of(f"view {number}"):
+            if not isinstance(name, str):
+                raise ValueError(f"path: found {shortened(name)}, expected an image's name")
+            if view.get("isPoseIndependant", "true") not in ("true", "1", True):
+                found = shortened(view["isPoseIndependant"])
+                raise ValueError(f"isPoseIndependant: found {found}, expected a pose of its "
+                                 "own, not its rig's")  # fmt: skip
+            lens, pose = (str(view.get(key)) for key in ("intrinsicId", "poseId"))
+            if pose not in poses or lens not in lenses:
+                views.lost.append(name or number)
+                continue
+            camera = _camera(lenses[lens], poses[pose], version)
+            views.add(name or number, camera, lens)
+    with errors_of("poses"):
+        return views.rig()
 
 
 def _by(data: Mapping[str, Any], key: str, identity: str) -> dict[str, dict[str, Any]]:

@@ -32,7 +32,6 @@ from rigs.formats._values import (
     as_rotation,
     as_size,
     errors_of,
-    errors_of_file,
     flat,
     required,
     usable_name,
@@ -56,40 +55,33 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``calibration.toml`` or a ``camera_array.toml``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
+    """Return the rig of a ``calibration.toml`` or a ``camera_array.toml``."""
     text = read_text(path)
-    with errors_of_file(path):
-        if re.search(_DEEP_KEY, text):  # tomllib's time and memory grow with its square
-            raise ValueError("broken TOML: nested too deeply")
-        try:
-            data = tomllib.loads(text)
-        except RecursionError:
-            raise ValueError("broken TOML: nested too deeply") from None
-        except ValueError as error:
-            raise ValueError(f"broken TOML: {error}") from None
-        entries = _tables(data)
-        if not entries:
-            raise ValueError(
-                f"cameras: found none in {', '.join(map(str, data)) or 'no tables'}, expected "
-                "tables like [cam_0] or [cameras.0] of matrix, distortions, rotation, translation"
-            )
-        lost = [key for key, entry in entries.items() if not any(map(entry.get, _POSE))]
-        if len(lost) == len(entries):
-            raise ValueError(
-                f"rotation, translation: found neither in any of {len(lost)} cameras, expected "
-                "both: the cameras' poses are not calibrated yet"
-            )
-        if lost:
-            logger.warning("%s: left out %d cameras without a pose: %s", path, len(lost),
-                           ", ".join(lost))  # fmt: skip
-        cameras = [_camera(key, entry, path) for key, entry in entries.items() if key not in lost]
-        return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
+    if re.search(_DEEP_KEY, text):  # tomllib's time and memory grow with its square
+        raise ValueError("broken TOML: nested too deeply")
+    try:
+        data = tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("broken TOML: nested too deeply") from None
+    except ValueError as error:
+        raise ValueError(f"broken TOML: {error}") from None
+    entries = _tables(data)
+    if not entries:
+        raise ValueError(
+            f"cameras: found none in {', '.join(map(str, data)) or 'no tables'}, expected "
+            "tables like [cam_0] or [cameras.0] of matrix, distortions, rotation, translation"
+        )
+    lost = [key for key, entry in entries.items() if not any(map(entry.get, _POSE))]
+    if len(lost) == len(entries):
+        raise ValueError(
+            f"rotation, translation: found neither in any of {len(lost)} cameras, expected "
+            "both: the cameras' poses are not calibrated yet"
+        )
+    if lost:
+        logger.warning("%s: left out %d cameras without a pose: %s", path, len(lost),
+                       ", ".join(lost))  # fmt: skip
+    cameras = [_camera(key, entry, path) for key, entry in entries.items() if key not in lost]
+    return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
 
 
 def _tables(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:

@@ -29,7 +29,6 @@ from rigs.formats._values import (
     as_count,
     as_rotation,
     errors_of,
-    errors_of_file,
     numbers_of_line,
 )
 from rigs.formats._views import grouped, named
@@ -58,45 +57,38 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     path : Path
     image_size : (int, int), optional
         Width and height of all images; by default those of the images of the list.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
     """
-    path = Path(path)
-    with errors_of_file(path):
-        lines = iter_lines(path)
-        head = next(lines, "")
-        if not head.startswith(_HEAD):
-            raise ValueError(f"found {shortened(head)}, expected {_HEAD} v0.3")
-        counts = next(lines, "").split()
-        count = as_count(counts[0] if counts else None, "number of cameras")
-        folder, names = _names(path, count)
-        images, cameras, missing = [], [], []
-        for name in names if names else (f"camera{i}" for i in range(count)):
-            image, file = image_listed(folder, name)
-            with errors_of(f"image {name}"):
-                camera = _camera(lines, image_size, file if names else None)
-            if camera is None:
-                missing.append(name)
-            else:
-                images.append(image)
-                cameras.append(camera)
-        if not cameras:
-            raise ValueError("f: found 0 in all images, expected one that is oriented")
-        if missing:
-            logger.warning(
-                "%s: f is 0 for %s: %d of %d images, which were not oriented, are left out",
-                path,
-                ", ".join(missing[:3]) + (", ..." if len(missing) > 3 else ""),
-                len(missing),
-                count,
-            )
-        given = [None] * len(images) if names else [image.name for image in images]
-        titles, frames = named(images, cameras, given, path.stem)
-        found, _ = grouped(folder, images, cameras, titles, frames, _FIELDS)
-        return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
+    lines = iter_lines(path)
+    head = next(lines, "")
+    if not head.startswith(_HEAD):
+        raise ValueError(f"found {shortened(head)}, expected {_HEAD} v0.3")
+    counts = next(lines, "").split()
+    count = as_count(counts[0] if counts else None, "number of cameras")
+    folder, names = _names(path, count)
+    images, cameras, missing = [], [], []
+    for name in names if names else (f"camera{i}" for i in range(count)):
+        image, file = image_listed(folder, name)
+        with errors_of(f"image {name}"):
+            camera = _camera(lines, image_size, file if names else None)
+        if camera is None:
+            missing.append(name)
+        else:
+            images.append(image)
+            cameras.append(camera)
+    if not cameras:
+        raise ValueError("f: found 0 in all images, expected one that is oriented")
+    if missing:
+        logger.warning(
+            "%s: f is 0 for %s: %d of %d images, which were not oriented, are left out",
+            path,
+            ", ".join(missing[:3]) + (", ..." if len(missing) > 3 else ""),
+            len(missing),
+            count,
+        )
+    given = [None] * len(images) if names else [image.name for image in images]
+    titles, frames = named(images, cameras, given, path.stem)
+    found, _ = grouped(folder, images, cameras, titles, frames, _FIELDS)
+    return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
 
 
 def _names(path: Path, count: int) -> tuple[Path, list[str]]:

@@ -24,7 +24,7 @@ from rigs.camera import Camera, look_at, pinhole_matrix
 from rigs.files.text import read_text
 from rigs.files.units import UNITS, UNKNOWN, metres
 from rigs.formats._image_size import required_size
-from rigs.formats._values import as_number, as_size, errors_of, errors_of_file
+from rigs.formats._values import as_number, as_size, errors_of
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -43,33 +43,25 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a table.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a table."""
     lines = [line for line in read_text(path).splitlines() if line.strip()]
-    with errors_of_file(path):
-        columns = _columns(lines[0]) if lines else {}
-        for name in ("name", *_PLACE, *_LOOK, "focal"):
-            if name not in columns:
-                raise ValueError(f"{name}: missing among the columns, expected {_expected(name)}")
-        units = {columns[name] for name in (*_PLACE, *_LOOK)}
-        if len(units) > 1:
-            found = ", ".join(sorted(unit or "none" for unit in units))
-            raise ValueError(f"x ... look_z: found the units {found}, expected one for all six")
-        unit = units.pop() or UNKNOWN
-        cameras = [_camera(row, columns, image_size) for row in _rows(lines, columns)]
-        if not set(columns) >= set(_UP):
-            logger.warning(
-                "%s: y is taken to point to the images' top, as the table has no columns up_x, "
-                "up_y, up_z",
-                path,
-            )
-        return Rig(tuple(cameras), unit, f"as in {path.name}")
+    columns = _columns(lines[0]) if lines else {}
+    for name in ("name", *_PLACE, *_LOOK, "focal"):
+        if name not in columns:
+            raise ValueError(f"{name}: missing among the columns, expected {_expected(name)}")
+    units = {columns[name] for name in (*_PLACE, *_LOOK)}
+    if len(units) > 1:
+        found = ", ".join(sorted(unit or "none" for unit in units))
+        raise ValueError(f"x ... look_z: found the units {found}, expected one for all six")
+    unit = units.pop() or UNKNOWN
+    cameras = [_camera(row, columns, image_size) for row in _rows(lines, columns)]
+    if not set(columns) >= set(_UP):
+        logger.warning(
+            "%s: y is taken to point to the images' top, as the table has no columns up_x, "
+            "up_y, up_z",
+            path,
+        )
+    return Rig(tuple(cameras), unit, f"as in {path.name}")
 
 
 def _camera(

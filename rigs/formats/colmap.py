@@ -56,14 +56,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a model's folder, or of one of its files.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a model's folder, or of one of its files."""
     folder, *others = _folders(path)
     if others:
         raise ValueError(

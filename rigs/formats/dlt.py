@@ -33,7 +33,7 @@ from rigs.files.text import read_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._image_size import required_size
 from rigs.formats._projection import camera_of_matrix, look_away
-from rigs.formats._values import as_number, errors_of, errors_of_file
+from rigs.formats._values import as_number, errors_of
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -54,31 +54,12 @@ def looks_like(path: Path, head: str) -> bool:
     return len({len(row) for row in rows}) == 1 and _COUNT in (len(rows), len(rows[0]))
 
 
-def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a table whose pixels count from 0 at the top left.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    rig = load_counted(Path(path), image_size, first=0, bottom=False, chosen=False)
-    logger.warning(
-        "%s: pixels are counted from (0, 0) at the top left, as the file does not say: DLTdv8 and "
-        "easyWand count from 1 (convert-rig --from dlt_matlab), Argus and older DLTdv from the "
-        "bottom (--from dlt_bottom)",
-        path,
-    )
-    return rig
-
-
-def load_counted(
+def load(
     path: Path,
-    image_size: tuple[int, int] | None,
+    image_size: tuple[int, int] | None = None,
     *,
-    first: int,
-    bottom: bool,
-    chosen: bool = True,
+    first: int | None = None,
+    bottom: bool = False,
 ) -> Rig:
     """Return the rig of a table.
 
@@ -86,39 +67,43 @@ def load_counted(
     ----------
     path : Path
     image_size : (int, int) or None
-    first : int
-        The number of the first column and row.
+    first : int, optional
+        The number of the first column and row; by default the file does not say, and 0 is taken.
     bottom : bool
         Whether rows count from the bottom.
-    chosen : bool
-        Whether the user says so; a world that does not fit is then mirrored, else refused.
     """
-    with errors_of_file(path):
-        table = _table(read_text(path))
-        size = required_size(image_size, "DLT")
-        # pixel = count @ (u, v, 1), with v from the top
-        count = np.array([[1.0, 0, -first], [0, 1, -first], [0, 0, 1]])
-        if bottom:
-            count[1] = [0, -1, size[1] - 1 + first]
-        matrices = [count @ np.append(values, 1.0).reshape(3, 4) for values in table.T]
-        cameras, frame = _cameras(matrices, size), f"as in {path.name}"
-        if _looks_away(cameras):
-            if not chosen:
-                raise ValueError(
-                    "L1 ... L11: found cameras that look away from their scene, expected rows "
-                    "counted from the top in a right-handed world: convert-rig --from dlt_bottom "
-                    "or dlt_matlab says how they count"
-                )
-            logger.warning(
-                "%s: Z is negated: with rows counted from the %s its cameras look away from their "
-                "scene, so the world of the file is left-handed, or rows count from the other "
-                "edge",
-                path,
-                "bottom" if bottom else "top",
+    table = _table(read_text(path))
+    size = required_size(image_size, "DLT")
+    # pixel = count @ (u, v, 1), with v from the top
+    count = np.array([[1.0, 0, -(first or 0)], [0, 1, -(first or 0)], [0, 0, 1]])
+    if bottom:
+        count[1] = [0, -1, size[1] - 1 + (first or 0)]
+    matrices = [count @ np.append(values, 1.0).reshape(3, 4) for values in table.T]
+    cameras, frame = _cameras(matrices, size), f"as in {path.name}"
+    if _looks_away(cameras):
+        if first is None:
+            raise ValueError(
+                "L1 ... L11: found cameras that look away from their scene, expected rows "
+                "counted from the top in a right-handed world: convert-rig --from dlt_bottom "
+                "or dlt_matlab says how they count"
             )
-            mirror = np.diag([1.0, 1.0, -1.0, 1.0])
-            cameras, frame = _cameras([P @ mirror for P in matrices], size), f"{frame}, Z negated"
-        return Rig(tuple(cameras), UNKNOWN, frame)
+        logger.warning(
+            "%s: Z is negated: with rows counted from the %s its cameras look away from their "
+            "scene, so the world of the file is left-handed, or rows count from the other "
+            "edge",
+            path,
+            "bottom" if bottom else "top",
+        )
+        mirror = np.diag([1.0, 1.0, -1.0, 1.0])
+        cameras, frame = _cameras([P @ mirror for P in matrices], size), f"{frame}, Z negated"
+    if first is None:
+        logger.warning(
+            "%s: pixels are counted from (0, 0) at the top left, as the file does not say: DLTdv8 "
+            "and easyWand count from 1 (convert-rig --from dlt_matlab), Argus and older DLTdv "
+            "from the bottom (--from dlt_bottom)",
+            path,
+        )
+    return Rig(tuple(cameras), UNKNOWN, frame)
 
 
 def _cameras(matrices: list[NDArray], size: tuple[int, int]) -> list[Camera]:

@@ -26,7 +26,7 @@ from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import by_suffix, keys_found, matrix, read_storage, turn, vector
 from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector
-from rigs.formats._values import as_count, errors_of, errors_of_file, read_head
+from rigs.formats._values import as_count, errors_of, read_head
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -46,14 +46,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of the folder of the two files, of one of them, or of a file of both.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of the folder of the two files, of one of them, or of a file of both."""
     files = _files_of(path) if path.is_dir() else [path, *_partner(path)]
     data: dict[str, Any] = {}
     for file in files:
@@ -61,19 +54,18 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             if key in data and key != "names" and path.is_dir():
                 raise ValueError(f"{path}: {key}: found in two files, expected one of them alone")
             data.setdefault(key, value)
-    with errors_of_file(path):
-        entries = by_suffix(data, _STEMS)
-        names = _names(data.get("names"), entries)
-        if not any("K" in entry for entry in entries.values()):
-            raise ValueError(
-                f"K_<camera>: missing, found {keys_found(data)}, expected K_<camera> here or in "
-                "intri.yml beside it"
-            )
-        has_poses = any(entry.keys() & {"R", "Rot"} for entry in entries.values())
-        cameras = [_camera(n, entries.get(n, {}), has_poses, image_size) for n in names]
-        if not has_poses:
-            logger.warning("%s: no poses (R_<camera>, T_<camera>) in it or in extri.yml beside "
-                           "it: all cameras stand at the origin", path)  # fmt: skip
+    entries = by_suffix(data, _STEMS)
+    names = _names(data.get("names"), entries)
+    if not any("K" in entry for entry in entries.values()):
+        raise ValueError(
+            f"K_<camera>: missing, found {keys_found(data)}, expected K_<camera> here or in "
+            "intri.yml beside it"
+        )
+    has_poses = any(entry.keys() & {"R", "Rot"} for entry in entries.values())
+    cameras = [_camera(n, entries.get(n, {}), has_poses, image_size) for n in names]
+    if not has_poses:
+        logger.warning("%s: no poses (R_<camera>, T_<camera>) in it or in extri.yml beside "
+                       "it: all cameras stand at the origin", path)  # fmt: skip
     world = f"as in {path.name}" if has_poses else "none: every camera stands at the origin"
     return Rig(tuple(cameras), UNKNOWN, world)
 

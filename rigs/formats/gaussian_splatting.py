@@ -25,7 +25,6 @@ from rigs.formats._values import (
     as_number,
     as_rotation,
     errors_of,
-    errors_of_file,
     required,
 )
 from rigs.formats._views import Views
@@ -51,22 +50,14 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``cameras.json``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``cameras.json``."""
     data = read_json(path)
-    with errors_of_file(path):
-        if not isinstance(data, list) or not data:
-            raise ValueError(f"found {shortened(data)}, expected a list of cameras")
-        views = Views(path, _FIELDS)
-        for index, entry in enumerate(data):
-            views.add(*_view(index, entry))
-        return views.rig()
+    if not isinstance(data, list) or not data:
+        raise ValueError(f"found {shortened(data)}, expected a list of cameras")
+    views = Views(path, _FIELDS)
+    for index, entry in enumerate(data):
+        views.add(*_view(index, entry))
+    return views.rig()
 
 
 def _view(index: int, entry: object) -> tuple[str, Camera]:

@@ -29,7 +29,6 @@ from rigs.formats._values import (
     as_mapping,
     as_size,
     errors_of,
-    errors_of_file,
     one_of,
     required,
     rotation_of_motion,
@@ -56,33 +55,24 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``camchain.yaml``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
+    """Return the rig of a ``camchain.yaml``."""
     data = read_yaml_mapping(path)
-    with errors_of_file(path):
-        names = sorted(
-            (name for name in data if re.fullmatch(r"cam\d{1,6}", name)), key=lambda n: int(n[3:])
-        )
-        if not names:
-            raise ValueError("cam0: missing, expected a camera")
-        cameras = []
-        pose = np.eye(4)
-        for index, name in enumerate(names):
-            with errors_of(f"camera {name}"):
-                if int(name[3:]) != index:
-                    raise ValueError(
-                        f"found no cam{index} before it, expected consecutive numbers"
-                    )
-                entry = as_mapping(data[name], "entry")
-                if index:
-                    pose = _link(required(entry, "T_cn_cnm1")) @ pose
-            cameras.append(_camera(name, entry, pose))
-        return Rig(tuple(cameras), "m", "cam0's axes")
+    names = sorted(
+        (name for name in data if re.fullmatch(r"cam\d{1,6}", name)), key=lambda n: int(n[3:])
+    )
+    if not names:
+        raise ValueError("cam0: missing, expected a camera")
+    cameras = []
+    pose = np.eye(4)
+    for index, name in enumerate(names):
+        with errors_of(f"camera {name}"):
+            if int(name[3:]) != index:
+                raise ValueError(f"found no cam{index} before it, expected consecutive numbers")
+            entry = as_mapping(data[name], "entry")
+            if index:
+                pose = _link(required(entry, "T_cn_cnm1")) @ pose
+        cameras.append(_camera(name, entry, pose))
+    return Rig(tuple(cameras), "m", "cam0's axes")
 
 
 def _link(found: object) -> NDArray[np.float64]:

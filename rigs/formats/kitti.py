@@ -28,7 +28,6 @@ from rigs.formats._values import (
     as_rotation,
     as_size,
     errors_of,
-    errors_of_file,
     required,
 )
 from rigs.rig import Rig
@@ -43,26 +42,18 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a calibration's text.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
-    with errors_of_file(path):
-        lines = dict(re.findall(r"^(\w+):(.*)$", read_text(path), re.MULTILINE))
-        numbers = [key[2:] for key in lines if re.fullmatch(r"K_\d+", key)]
-        if numbers:
-            cameras = tuple(_camera(number, lines) for number in numbers)
-            logger.warning("%s: cameras of the images as taken: those of the rectified images "
-                           "(P_rect) are another rig", path)  # fmt: skip
-        else:
-            size = required_size(image_size, "KITTI's rectified")
-            keys = [key for key in lines if re.fullmatch(r"P\d+", key)]
-            cameras = tuple(_rectified(key, lines, size) for key in keys)
-        return Rig(cameras, "m", "camera 0's axes")
+    """Return the rig of a calibration's text."""
+    lines = dict(re.findall(r"^(\w+):(.*)$", read_text(path), re.MULTILINE))
+    numbers = [key[2:] for key in lines if re.fullmatch(r"K_\d+", key)]
+    if numbers:
+        cameras = tuple(_camera(number, lines) for number in numbers)
+        logger.warning("%s: cameras of the images as taken: those of the rectified images "
+                       "(P_rect) are another rig", path)  # fmt: skip
+    else:
+        size = required_size(image_size, "KITTI's rectified")
+        keys = [key for key in lines if re.fullmatch(r"P\d+", key)]
+        cameras = tuple(_rectified(key, lines, size) for key in keys)
+    return Rig(cameras, "m", "camera 0's axes")
 
 
 def _camera(number: str, lines: dict[str, str]) -> Camera:

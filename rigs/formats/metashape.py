@@ -42,7 +42,6 @@ from rigs.formats._values import (
     as_number,
     as_rotation,
     errors_of,
-    errors_of_file,
     rotation_of_motion,
 )
 from rigs.formats._views import Views
@@ -94,46 +93,38 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``cameras.xml``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``cameras.xml``."""
     root = read_xml(path)
-    with errors_of_file(path):
-        chunks = [c for c in root.iter("chunk") if c.find("sensors") is not None]
-        if len(chunks) != 1:
-            raise ValueError(f"chunk: found {len(chunks)}, expected one: export the active chunk")
-        chunk = chunks[0]
-        sensors = {e.get("id"): e for e in chunk.iterfind("sensors/sensor")}
-        worlds = {e.get("id"): e.find("transform") for e in chunk.iterfind("components/component")}
-        views, lost, scaled = Views(path, _FIELDS), [], set()
-        for element in chunk.iterfind("cameras//camera"):
-            label = element.get("label") or f"camera{element.get('id')}"
-            is_posed, is_on = element.find("transform") is not None, element.get("enabled")
-            if not is_posed and element.get("master_id") not in (None, element.get("id")):
-                raise ValueError(
-                    f"camera {label}: transform: missing, as of a slave of a multi-camera system, "
-                    "expected one of its own: export the cameras as COLMAP or Bundler"
-                )
-            if not is_posed or is_on in ("0", "false"):
-                lost.append(label)
-                continue
-            with errors_of(f"camera {label}"):
-                world = worlds.get(element.get("component_id"))
-                world = chunk.find("transform") if world is None else world
-                scaled.add(world is not None)
-                camera, sensor = _camera(element, sensors, _similarity(world))
-                finish = partial(_with_rays, sensor=sensor)
-                views.add(label.strip().lstrip("/\\") or "camera", camera, None, finish)
-                _report_orientation(path, label, element.findtext("orientation"))
-        _check(path, views.images, lost, scaled)
-        frame = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
-        is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
-        return views.rig("m" if is_metric else UNKNOWN, frame)
+    chunks = [c for c in root.iter("chunk") if c.find("sensors") is not None]
+    if len(chunks) != 1:
+        raise ValueError(f"chunk: found {len(chunks)}, expected one: export the active chunk")
+    chunk = chunks[0]
+    sensors = {e.get("id"): e for e in chunk.iterfind("sensors/sensor")}
+    worlds = {e.get("id"): e.find("transform") for e in chunk.iterfind("components/component")}
+    views, lost, scaled = Views(path, _FIELDS), [], set()
+    for element in chunk.iterfind("cameras//camera"):
+        label = element.get("label") or f"camera{element.get('id')}"
+        is_posed, is_on = element.find("transform") is not None, element.get("enabled")
+        if not is_posed and element.get("master_id") not in (None, element.get("id")):
+            raise ValueError(
+                f"camera {label}: transform: missing, as of a slave of a multi-camera system, "
+                "expected one of its own: export the cameras as COLMAP or Bundler"
+            )
+        if not is_posed or is_on in ("0", "false"):
+            lost.append(label)
+            continue
+        with errors_of(f"camera {label}"):
+            world = worlds.get(element.get("component_id"))
+            world = chunk.find("transform") if world is None else world
+            scaled.add(world is not None)
+            camera, sensor = _camera(element, sensors, _similarity(world))
+            finish = partial(_with_rays, sensor=sensor)
+            views.add(label.strip().lstrip("/\\") or "camera", camera, None, finish)
+            _report_orientation(path, label, element.findtext("orientation"))
+    _check(path, views.images, lost, scaled)
+    frame = "as in Metashape's chunk" + (", its transform applied" if True in scaled else "")
+    is_metric = True in scaled and _METRES.search(chunk.findtext("reference") or "")
+    return views.rig("m" if is_metric else UNKNOWN, frame)
 
 
 def _check(path: Path, images: list, lost: list[str], scaled: set[bool]) -> None:

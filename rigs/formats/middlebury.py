@@ -17,7 +17,7 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.files.text import read_text, shortened
 from rigs.formats._image_size import required_size
-from rigs.formats._values import as_number, as_rotation, errors_of, errors_of_file, numbers_of_line
+from rigs.formats._values import as_number, as_rotation, errors_of, numbers_of_line
 from rigs.rig import Rig
 
 _TURN = [f"r{i}{j}" for i in "123" for j in "123"]
@@ -40,24 +40,18 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     path : Path
     image_size : (int, int), optional
         Width and height of all images; by default those of the images in the file's folder.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
     """
     lines = [line for line in read_text(path).splitlines() if line.strip()]
-    with errors_of_file(path):
-        if not lines:
-            raise ValueError("found an empty file, expected the number of images")
-        count = as_number(lines[0], "number of images")
-        if count != len(lines) - 1 or count < 1:
-            raise ValueError(
-                f"number of images: found {shortened(lines[0].strip())} and {len(lines) - 1} "
-                "lines, expected one line per image"
-            )
-        cameras = [_camera(line, path.parent, image_size) for line in lines[1:]]
-        return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
+    if not lines:
+        raise ValueError("found an empty file, expected the number of images")
+    count = as_number(lines[0], "number of images")
+    if count != len(lines) - 1 or count < 1:
+        raise ValueError(
+            f"number of images: found {shortened(lines[0].strip())} and {len(lines) - 1} "
+            "lines, expected one line per image"
+        )
+    cameras = [_camera(line, path.parent, image_size) for line in lines[1:]]
+    return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
 
 
 def _camera(line: str, folder: Path, image_size: tuple[int, int] | None) -> Camera:

@@ -23,7 +23,7 @@ from rigs.files.text import read_text, shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._lens import from_vector
 from rigs.formats._one_a_camera import cameras_of
-from rigs.formats._values import as_array, as_mapping, as_size, errors_of, errors_of_file, required
+from rigs.formats._values import as_array, as_mapping, as_size, errors_of, required
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
 
@@ -44,17 +44,9 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``.cameramodel`` or of a folder of them.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``.cameramodel`` or of a folder of them."""
     cameras = cameras_of(path, _files_of, _camera, f"*{_SUFFIX} in it, expected one a camera")
-    with errors_of_file(path):
-        return Rig(cameras, UNKNOWN, "mrcal's reference axes")
+    return Rig(cameras, UNKNOWN, "mrcal's reference axes")
 
 
 def _files_of(folder: Path) -> list[Path]:

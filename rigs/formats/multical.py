@@ -23,7 +23,6 @@ from rigs.formats._values import (
     as_rotation,
     as_size,
     errors_of,
-    errors_of_file,
     flat,
     required,
     usable_name,
@@ -39,26 +38,19 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``calibration.json``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
+    """Return the rig of a ``calibration.json``."""
     data = read_json_mapping(path)
-    with errors_of_file(path):
-        entries = as_mapping(required(data, "cameras"), "cameras")
-        poses = as_mapping(required(data, "camera_poses"), "camera_poses")
-        masters = [name for name in poses if name in entries]
-        cameras = []
-        for name, entry in entries.items():
-            keys = [name, *(f"{name}_to_{master}" for master in masters)]
-            pose = next((poses[key] for key in keys if key in poses), None)
-            if pose is None:
-                raise ValueError(f"camera {name}: camera_poses: missing, expected R and T")
-            cameras.append(_camera(usable_name(name, path), entry, pose))
-        return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
+    entries = as_mapping(required(data, "cameras"), "cameras")
+    poses = as_mapping(required(data, "camera_poses"), "camera_poses")
+    masters = [name for name in poses if name in entries]
+    cameras = []
+    for name, entry in entries.items():
+        keys = [name, *(f"{name}_to_{master}" for master in masters)]
+        pose = next((poses[key] for key in keys if key in poses), None)
+        if pose is None:
+            raise ValueError(f"camera {name}: camera_poses: missing, expected R and T")
+        cameras.append(_camera(usable_name(name, path), entry, pose))
+    return Rig(tuple(cameras), UNKNOWN, f"as in {path.name}")
 
 
 def _camera(name: str, entry: Mapping[str, Any], pose: Mapping[str, Any]) -> Camera:

@@ -31,7 +31,6 @@ from rigs.formats._values import (
     as_count,
     as_number,
     errors_of,
-    errors_of_file,
     numbers_of_line,
     read_head,
 )
@@ -61,18 +60,10 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a camera's file, or of a folder of them.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a camera's file, or of a folder of them."""
     what = "camera files, expected MyPTV's"
     cameras = cameras_of(path, _files_of, lambda file: _camera(read_text(file), image_size), what)
-    with errors_of_file(path):
-        return Rig(cameras, LENGTH_UNIT, f"as in {path.name}")
+    return Rig(cameras, LENGTH_UNIT, f"as in {path.name}")
 
 
 def _files_of(folder: Path) -> list[Path]:

@@ -87,21 +87,15 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a file of cameras, of a folder of them, or of a stereo pair's two files.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a file of cameras, a folder of them, or a stereo pair's two files."""
     if path.is_dir():
         entries: dict[str, Any] = {}
         unit = UNKNOWN
         for file in _files_of(path):
             data = read_storage(file)
             if any(pair[0] in data for pair in _STEREO):
-                return load(file, image_size)
+                with errors_of_file(file):
+                    return load(file, image_size)
             if not has_cameras(data):
                 continue
             with errors_of_file(file):
@@ -123,18 +117,17 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
             entries = {usable_name(name, path): entry for name, entry in found.items()}
             if len(entries) < len(found):
                 raise ValueError(f"camera: found names alike without slashes: {', '.join(found)}")
-    with errors_of_file(path):
-        if not isinstance(unit, str):
-            raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
-        posed = {name for name, entry in entries.items() if first(entry, _POSES) is not None}
-        if posed and len(posed) < len(entries):
-            lost = next(name for name in entries if name not in posed)
-            raise ValueError(f"camera {lost}: R: missing, expected it as other cameras have one")
-        world = f"as in {path.name}" if posed else "none: every camera stands at the origin"
-        cameras = [_camera(name, entry, image_size) for name, entry in entries.items()]
-        if not posed:
-            logger.warning("%s: no poses (R, T) in it: all cameras stand at the origin", path)
-        return Rig(tuple(cameras), unit, world)
+    if not isinstance(unit, str):
+        raise ValueError(f"length_unit: found {shortened(unit)}, expected text")
+    posed = {name for name, entry in entries.items() if first(entry, _POSES) is not None}
+    if posed and len(posed) < len(entries):
+        lost = next(name for name in entries if name not in posed)
+        raise ValueError(f"camera {lost}: R: missing, expected it as other cameras have one")
+    world = f"as in {path.name}" if posed else "none: every camera stands at the origin"
+    cameras = [_camera(name, entry, image_size) for name, entry in entries.items()]
+    if not posed:
+        logger.warning("%s: no poses (R, T) in it: all cameras stand at the origin", path)
+    return Rig(tuple(cameras), unit, world)
 
 
 def save(rig: Rig, path: Path) -> None:

@@ -97,7 +97,6 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     ValueError
         In one line: the file, the camera, the field, what was found, what was expected.
     """
-    path = Path(path)
     parameters = _parameters(path)
     projects = [_read_project(file) for file in parameters]
     for file, project in zip(parameters, projects, strict=True):
@@ -116,8 +115,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         cameras.append(_read_camera(file, projects[0]))
         with errors_of_file(file):
             check_tables(cameras)
-    with errors_of_file(path):
-        return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
+    return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
 
 
 def _parameters(path: Path) -> list[Path]:

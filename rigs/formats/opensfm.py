@@ -28,7 +28,6 @@ from rigs.formats._values import (
     as_mapping,
     as_number,
     errors_of,
-    errors_of_file,
     one_of,
     required,
 )
@@ -63,31 +62,23 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``reconstruction.json``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``reconstruction.json``."""
     data = read_json(path)
-    with errors_of_file(path):
-        if not isinstance(data, list) or not data:
-            raise ValueError(f"found {shortened(data)}, expected a list of reconstructions")
-        if len(data) > 1:
-            logger.warning("%s: %d further reconstructions are left out", path, len(data) - 1)
-        scene = as_mapping(data[0], "reconstruction")
-        lenses = as_mapping(required(scene, "cameras"), "cameras")
-        views = Views(path, _FIELDS)
-        for name, shot in as_mapping(required(scene, "shots"), "shots").items():
-            with errors_of(f"shot {name}"):
-                shot = as_mapping(shot, "entry")
-                key = required(shot, "camera")
-                if not isinstance(key, str) or key not in lenses:
-                    raise ValueError(f"camera: found {shortened(key)}, expected one of cameras")
-                views.add(name, _camera(key, lenses[key], shot), key)
-        return views.rig("m" if "reference_lla" in scene else UNKNOWN)
+    if not isinstance(data, list) or not data:
+        raise ValueError(f"found {shortened(data)}, expected a list of reconstructions")
+    if len(data) > 1:
+        logger.warning("%s: %d further reconstructions are left out", path, len(data) - 1)
+    scene = as_mapping(data[0], "reconstruction")
+    lenses = as_mapping(required(scene, "cameras"), "cameras")
+    views = Views(path, _FIELDS)
+    for name, shot in as_mapping(required(scene, "shots"), "shots").items():
+        with errors_of(f"shot {name}"):
+            shot = as_mapping(shot, "entry")
+            key = required(shot, "camera")
+            if not isinstance(key, str) or key not in lenses:
+                raise ValueError(f"camera: found {shortened(key)}, expected one of cameras")
+            views.add(name, _camera(key, lenses[key], shot), key)
+    return views.rig("m" if "reference_lla" in scene else UNKNOWN)
 
 
 def _camera(key: str, entry: object, shot: Mapping[str, Any]) -> Camera:

@@ -18,7 +18,7 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.files.text import read_text, shortened
 from rigs.formats._lens import from_vector
-from rigs.formats._values import as_array, as_count, as_rotation, errors_of, errors_of_file
+from rigs.formats._values import as_array, as_count, as_rotation, errors_of
 from rigs.formats._views import Views
 from rigs.rig import Rig
 
@@ -38,25 +38,17 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``*_calibrated_camera_parameters.txt``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``*_calibrated_camera_parameters.txt``."""
     lines = [line.strip() for line in read_text(path).splitlines() if line.strip()]
-    with errors_of_file(path):
-        start = next((i for i, line in enumerate(lines) if line.startswith("camera model")), None)
-        if start is None:
-            raise ValueError("camera model: missing, expected it as the last line of the head")
-        views, rest = Views(path, _FIELDS), iter(lines[start + 1 :])
-        for first in rest:
-            name, *size = first.rsplit(maxsplit=2)
-            with errors_of(f"image {name}"):
-                views.add(name, _camera(size, list(islice(rest, 9))))
-        return views.rig()
+    start = next((i for i, line in enumerate(lines) if line.startswith("camera model")), None)
+    if start is None:
+        raise ValueError("camera model: missing, expected it as the last line of the head")
+    views, rest = Views(path, _FIELDS), iter(lines[start + 1 :])
+    for first in rest:
+        name, *size = first.rsplit(maxsplit=2)
+        with errors_of(f"image {name}"):
+            views.add(name, _camera(size, list(islice(rest, 9))))
+    return views.rig()
 
 
 def _camera(size: list[str], lines: list[str]) -> Camera:

@@ -21,7 +21,7 @@ from rigs.files.units import UNKNOWN
 from rigs.formats._image_size import image_beside, required_size
 from rigs.formats._one_a_camera import cameras_of
 from rigs.formats._projection import camera_of_matrix, look_away
-from rigs.formats._values import errors_of, errors_of_file, numbers_of_line, read_head
+from rigs.formats._values import errors_of, numbers_of_line, read_head
 from rigs.rig import Rig
 
 _ENDINGS = (".txt", ".dat", ".csv", ".p", ".proj")  # of files in a folder that are looked into
@@ -47,22 +47,15 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     path : Path
     image_size : (int, int), optional
         Width and height of all images; by default those of the images of the same names.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
     """
-    path = Path(path)
     what = "files of 3 x 4 numbers, expected one a camera"
     cameras = cameras_of(path, _files_of, lambda file: _camera(file, image_size), what)
-    with errors_of_file(path):
-        if look_away(cameras):
-            raise ValueError(
-                "P: found cameras that look away from the point where their axes meet, expected "
-                "rows that count from the top of the image"
-            )
-        return Rig(cameras, UNKNOWN, f"as in {path.name}")
+    if look_away(cameras):
+        raise ValueError(
+            "P: found cameras that look away from the point where their axes meet, expected "
+            "rows that count from the top of the image"
+        )
+    return Rig(cameras, UNKNOWN, f"as in {path.name}")
 
 
 def _files_of(folder: Path) -> list[Path]:

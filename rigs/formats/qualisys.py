@@ -31,7 +31,6 @@ from rigs.formats._values import (
     as_number,
     as_rotation,
     errors_of,
-    errors_of_file,
     usable_name,
 )
 from rigs.rig import Rig
@@ -54,39 +53,31 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``.qca.txt``.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a ``.qca.txt``."""
     root = read_xml(path)
-    with errors_of_file(path):
-        elements = root.findall("cameras/camera")
-        active = [e for e in elements if e.get("active") != "0"]
-        if not active:
-            raise ValueError(f"cameras: found {len(elements)}, none active, expected some")
-        names = [e.get("serial") or f"camera{i}" for i, e in enumerate(active, 1)]
-        names = [usable_name(name, path) for name in names]
-        pairs = list(zip(names, active, strict=True))
-        cameras = tuple(_camera(name, element, by_rows=True) for name, element in pairs)
-        if look_away(cameras) is not False:
-            others = tuple(_camera(name, element, by_rows=False) for name, element in pairs)
-            if look_away(others) is False:
-                cameras = others
-                logger.warning("%s: transform: r11 ... r33 are read as columns, not rows: by rows "
-                               "the cameras' axes do not meet in front of them", path)  # fmt: skip
-        turned = [name for name, e in pairs if e.get("viewrotation", "0") not in ("", "0")]
-        for what, lost in (
-            ("viewrotation: pixels are taken as on the sensor, not turned:", turned),
-            ("left out cameras that are not active:", [e.get("serial") for e in elements
-                                                       if e not in active]),
-        ):  # fmt: skip
-            if lost:
-                logger.warning("%s: %s %s", path, what, ", ".join(map(str, lost)))
-        return Rig(cameras, "mm", f"as in {path.name}")
+    elements = root.findall("cameras/camera")
+    active = [e for e in elements if e.get("active") != "0"]
+    if not active:
+        raise ValueError(f"cameras: found {len(elements)}, none active, expected some")
+    names = [e.get("serial") or f"camera{i}" for i, e in enumerate(active, 1)]
+    names = [usable_name(name, path) for name in names]
+    pairs = list(zip(names, active, strict=True))
+    cameras = tuple(_camera(name, element, by_rows=True) for name, element in pairs)
+    if look_away(cameras) is not False:
+        others = tuple(_camera(name, element, by_rows=False) for name, element in pairs)
+        if look_away(others) is False:
+            cameras = others
+            logger.warning("%s: transform: r11 ... r33 are read as columns, not rows: by rows "
+                           "the cameras' axes do not meet in front of them", path)  # fmt: skip
+    turned = [name for name, e in pairs if e.get("viewrotation", "0") not in ("", "0")]
+    for what, lost in (
+        ("viewrotation: pixels are taken as on the sensor, not turned:", turned),
+        ("left out cameras that are not active:", [e.get("serial") for e in elements
+                                                   if e not in active]),
+    ):  # fmt: skip
+        if lost:
+            logger.warning("%s: %s %s", path, what, ", ".join(map(str, lost)))
+    return Rig(cameras, "mm", f"as in {path.name}")
 
 
 def _camera(name: str, element: Element, by_rows: bool) -> Camera:

@@ -24,7 +24,7 @@ from rigs.files.text import read_text
 from rigs.formats._image_size import image_listed, required_size
 from rigs.formats._lens import from_vector
 from rigs.formats._metashape_lens import table_of
-from rigs.formats._values import as_number, errors_of, errors_of_file, required
+from rigs.formats._values import as_number, errors_of, required
 from rigs.formats._views import Views
 from rigs.geometry.rotation import matrix_of_angles
 from rigs.rig import Rig
@@ -45,35 +45,27 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a CSV.
-
-    Raises
-    ------
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
-    path = Path(path)
+    """Return the rig of a CSV."""
     lines = read_text(path).splitlines()
-    with errors_of_file(path):
-        keys = lines[0].lower().replace(" ", "").split(",") if lines else []
-        views = Views(path, _FIELDS)
-        for row in csv.reader(line for line in lines[1:] if line.strip()):
-            if len(row) != len(keys):
-                raise ValueError(f"found a line of {len(row)} values, expected {len(keys)}")
-            entry = dict(zip(keys, row, strict=True))
-            name = required(entry, "#name")
-            with errors_of(f"image {name}"):
-                _, file = image_listed(path.parent, name)
-                size = required_size(image_size, "RealityCapture's", file)
-                lens = {key: _number(entry, key, 0.0) for key in ("k1", "k2", "k3", "k4")}
-                p1, p2 = (_number(entry, key, 0.0) for key in ("t1", "t2"))
-                camera = _camera(entry, size, (*lens.values(), p1, p2))
-                if not lens["k4"]:
-                    views.add(name, camera)
-                    continue
-                lens |= {"p1": p2, "p2": p1, "p3": 0.0, "p4": 0.0}  # Metashape's order
-                views.add(name, camera, None, partial(table_of, lens=lens, is_fisheye=False))
-        return views.rig()
+    keys = lines[0].lower().replace(" ", "").split(",") if lines else []
+    views = Views(path, _FIELDS)
+    for row in csv.reader(line for line in lines[1:] if line.strip()):
+        if len(row) != len(keys):
+            raise ValueError(f"found a line of {len(row)} values, expected {len(keys)}")
+        entry = dict(zip(keys, row, strict=True))
+        name = required(entry, "#name")
+        with errors_of(f"image {name}"):
+            _, file = image_listed(path.parent, name)
+            size = required_size(image_size, "RealityCapture's", file)
+            lens = {key: _number(entry, key, 0.0) for key in ("k1", "k2", "k3", "k4")}
+            p1, p2 = (_number(entry, key, 0.0) for key in ("t1", "t2"))
+            camera = _camera(entry, size, (*lens.values(), p1, p2))
+            if not lens["k4"]:
+                views.add(name, camera)
+                continue
+            lens |= {"p1": p2, "p2": p1, "p3": 0.0, "p4": 0.0}  # Metashape's order
+            views.add(name, camera, None, partial(table_of, lens=lens, is_fisheye=False))
+    return views.rig()
 
 
 def _camera(entry: Mapping[str, str], size: tuple[int, int], lens: tuple[float, ...]) -> Camera:

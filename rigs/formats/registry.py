@@ -5,9 +5,11 @@ from __future__ import annotations
 import importlib
 import os
 import re
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from rigs.files.units import in_unit
 from rigs.formats._file_storage import is_storage
@@ -21,16 +23,23 @@ from rigs.rig import Rig
 class Format:
     """A file format and its module in this package.
 
+    A module has ``looks_like(path, head)``, ``load(path, image_size)`` and, where it writes,
+    ``save(rig, path)``. Its errors are lines of ValueError that begin with the camera and field;
+    `load` and `save` here put the file before them.
+
     Parameters
     ----------
     name : str
-        The module's name.
     about : str
         A short description.
     suffixes : tuple of str
         Endings of paths that are written in this format by default.
     reads, writes : bool
         Whether the module has ``load``, and ``save``.
+    base : str
+        The module of another name; such a format is chosen by its name, not recognised.
+    options : mapping
+        What the module's ``load`` takes beside path and image size.
     """
 
     name: str
@@ -38,11 +47,17 @@ class Format:
     suffixes: tuple[str, ...] = ()
     reads: bool = True
     writes: bool = False
+    base: str = ""
+    options: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def module(self) -> ModuleType:
-        """Its ``looks_like(path, head)``, ``load(path, image_size)`` and ``save(rig, path)``."""
-        return importlib.import_module(f"rigs.formats.{self.name}")
+        """The module that reads and writes it."""
+        return importlib.import_module(f"rigs.formats.{self.base or self.name}")
+
+    def looks_like(self, path: Path, head: str) -> bool:
+        """Return whether a path is of this format, by a file's first characters."""
+        return not self.base and self.module.looks_like(path, head)
 
 
 #: In the order in which files are tried.
@@ -73,12 +88,14 @@ FORMATS: dict[str, Format] = {
         Format("bundler", "Bundler's bundle.out with its list.txt"),
         Format("projection", "3 x 4 projection matrices, a file each (PMVS, DTU)"),
         Format("dlt", "DLT coefficients, pixels from 0 at the top left"),
-        Format("dlt_matlab", "DLT of DLTdv8, easyWand: from 1 at the top left"),
-        Format("dlt_bottom", "DLT of Argus, DLTdv 3 to 7: from 1 at the bottom left"),
+        Format("dlt_matlab", "DLT of DLTdv8, easyWand: from 1 at the top left", base="dlt",
+               options={"first": 1, "bottom": False}),
+        Format("dlt_bottom", "DLT of Argus, DLTdv 3 to 7: from 1 at the bottom left", base="dlt",
+               options={"first": 1, "bottom": True}),
         Format("astra", "ASTRA cone_vec as JSON", (".astra.json",), reads=False, writes=True),
         Format("rtk", "RTK circular geometry XML", (".xml",), reads=False, writes=True),
     )
-}
+}  # fmt: skip
 
 _OURS = (".yaml", ".yml")
 _OUR_KEYS = {"format", "version", "cameras", "length_unit", "convention", "world_frame", "volume"}
@@ -163,7 +180,7 @@ def _rig_files(folder: Path, choices: tuple[str, ...]) -> list[tuple[Path, str]]
 def _format_of(path: Path, choices: tuple[str, ...]) -> str | None:
     """Return the first format that takes a path for its own."""
     head = read_head(path) if path.is_file() else ""
-    return next((n for n in choices if FORMATS[n].module.looks_like(path, head)), None)
+    return next((n for n in choices if FORMATS[n].looks_like(path, head)), None)
 
 
 def _keys_of(path: Path, head: str) -> list[str]:
@@ -212,7 +229,8 @@ def load(
     name = _known(format, names(), "read").name if format else sniff(path)
     path, _ = (_recognised(path, (name,)) if path.is_dir() else None) or (path, name)
     try:
-        rig = FORMATS[name].module.load(path, image_size)
+        with errors_of_file(path):
+            rig = FORMATS[name].module.load(path, image_size, **FORMATS[name].options)
     except ArithmeticError as error:  # whatever a format computes of numbers that are far off
         reason = " ".join(str(error.args[-1] if error.args else error).split())
         raise ValueError(f"{path}: found numbers that no camera has: {reason}") from None

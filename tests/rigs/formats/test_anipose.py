@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from rigs import formats
-from rigs.formats import anipose
 
 
 def toml_of(rig, style):
@@ -52,7 +51,7 @@ def test_what_is_wrong_in_toml_is_named(make_rig, tmp_path, old, new, message):
     file = tmp_path / "calibration.toml"
     file.write_text(toml_of(make_rig("brown", "none"), "anipose").replace(old, new))
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        anipose.load(file)
+        formats.load(file, "anipose")
 
 
 def test_every_table_of_a_camera_is_one_whatever_its_name(make_rig, assert_same_views, tmp_path):
@@ -95,4 +94,4 @@ def test_toml_without_cameras_names_its_tables(tmp_path):
     path = tmp_path / "Calib.toml"
     path.write_text("[metadata]\nadjusted = false\n[project]\nx = 1\n")
     with pytest.raises(ValueError, match="cameras: found none in metadata, project, expected"):
-        anipose.load(path)
+        formats.load(path, "anipose")

@@ -35,7 +35,7 @@ CASES = [
 def claiming(path):
     """The formats that take a path for theirs."""
     head = read_head(path) if path.is_file() else ""
-    return [name for name in formats.names() if FORMATS[name].module.looks_like(path, head)]
+    return [name for name in formats.names() if FORMATS[name].looks_like(path, head)]
 
 
 def write(folder, files):

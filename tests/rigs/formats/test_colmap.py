@@ -90,7 +90,7 @@ def test_rigs_come_back(make_rig, assert_same_views, tmp_path):
 @pytest.mark.parametrize("written", range(4))
 def test_half_a_model_over_another_is_not_read(make_rig, tmp_path, monkeypatch, written):
     colmap.save(make_rig("none"), tmp_path)
-    assert len(colmap.load(tmp_path)) > 0
+    assert len(formats.load(tmp_path, "colmap")) > 0
     files, write_text = [], colmap.write_text
 
     def stopped(path, text):
@@ -103,7 +103,7 @@ def test_half_a_model_over_another_is_not_read(make_rig, tmp_path, monkeypatch, 
     with pytest.raises(KeyboardInterrupt):
         colmap.save(make_rig("brown"), tmp_path)
     with pytest.raises(FileNotFoundError, match=r"cameras\.txt"):
-        colmap.load(tmp_path)
+        formats.load(tmp_path, "colmap")
 
 
 def test_a_moving_rig_is_read_from_rigs_txt(tmp_path):

@@ -8,7 +8,6 @@ import pytest
 import yaml
 
 from rigs import Distortion, RayTable, formats
-from rigs.formats import kalibr
 
 
 def motion(camera):
@@ -137,4 +136,4 @@ def test_what_is_wrong_in_kalibrs_files_is_named(
     file = tmp_path / "camchain.yaml"
     file.write_text(yaml.safe_dump(mutated(kalibr_data(make_rig("fisheye", "none")), path, value)))
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        kalibr.load(file)
+        formats.load(file, "kalibr")

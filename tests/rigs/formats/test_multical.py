@@ -6,7 +6,6 @@ import re
 import pytest
 
 from rigs import formats
-from rigs.formats import multical
 
 
 def multical_data(rig, master=None):
@@ -63,4 +62,4 @@ def test_what_is_wrong_in_multicals_files_is_named(
     file = tmp_path / "calibration.json"
     file.write_text(json.dumps(mutated(multical_data(make_rig("brown", "none")), path, value)))
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        multical.load(file)
+        formats.load(file, "multical")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rigs import RayTable, formats
-from rigs.formats import myptv
 
 MYPTV = {
     "name": "cam1",
@@ -108,4 +107,4 @@ def test_what_is_wrong_in_myptvs_files_is_named(tmp_path, old, new, message):
     file = tmp_path / "cam1"
     file.write_text(myptv_text(MYPTV).replace(old, new))
     with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        myptv.load(file, (1280, 1024))
+        formats.load(file, "myptv", image_size=(1280, 1024))

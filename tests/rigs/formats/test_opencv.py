@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 from rigs import formats
-from rigs.formats import opencv
 
 ALL = ("none", "brown", "rational", "thin_prism", "tilted", "fisheye")
 SAMPLE = """%YAML:1.0
@@ -96,9 +95,9 @@ def test_a_mapping_of_names(make_rig, assert_same_views, tmp_path):
         for camera in rig
     }
     (tmp_path / "rig.json").write_text(json.dumps(data))
-    assert_same_views(opencv.load(tmp_path / "rig.json"), rig)
+    assert_same_views(formats.load(tmp_path / "rig.json", "opencv"), rig)
     (tmp_path / "rig.yml").write_text(yaml.safe_dump({"cameras": data}))
-    assert_same_views(opencv.load(tmp_path / "rig.yml"), rig)
+    assert_same_views(formats.load(tmp_path / "rig.yml", "opencv"), rig)
 
 
 @pytest.mark.parametrize("given", ["intrinsics.yml", "extrinsics.yml", ""])
