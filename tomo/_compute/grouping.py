@@ -1,4 +1,4 @@
-"""Entries of some groups, group ``g`` being ``ptr[g]:ptr[g + 1]``, and evenly spread choices."""
+"""Indices: entries of groups, ``ptr[g]:ptr[g + 1]``, even choices, and the type they need."""
 
 from __future__ import annotations
 
@@ -23,3 +23,8 @@ def golden_ratio_sequence(count: int) -> NDArray[np.float64]:
     """
     multiples = np.arange(count) * ((5**0.5 - 1) / 2)
     return multiples - np.floor(multiples)
+
+
+def index_type(count: int) -> np.dtype:
+    """Return the smaller of int32 and int64 that holds ``count``, and so 0 to ``count`` and -1."""
+    return np.dtype(np.int32 if count <= np.iinfo(np.int32).max else np.int64)

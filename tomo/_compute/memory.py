@@ -1,13 +1,89 @@
-"""How much memory there is, and how much was used."""
+"""How much memory there is, and how much was used.
+
+Containers, batch systems and services set limits by control groups. A process is in one group of
+each hierarchy, which ``/proc/self/cgroup`` names, and every group above it limits it too. Version
+2 has one hierarchy, version 1 one for memory alone. Source: ``Documentation/admin-
+guide/cgroup-v2.rst`` and ``cgroup-v1/memory.rst`` of Linux.
+"""
 
 from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
 
 import psutil
 
-from tomo._compute.control_groups import left_in_groups
+_ROOT, _OWN = Path("/sys/fs/cgroup"), Path("/proc/self/cgroup")
+
+_FILES = (
+    ("memory.max", "memory.current", "inactive_file"),
+    ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file"),
+)
+"""By version, two and one: the files of the limit and of the bytes in use, and the line of
+``memory.stat`` that counts files kept in memory while nobody needs them."""
+
+_NO_LIMIT = 2**60
+"""Bytes from which a limit is none: version 1 writes the largest whole number of pages."""
+
+
+def left_in_groups(root: Path = _ROOT, own: Path = _OWN) -> int | None:
+    """Return the least number of bytes that a group of this process, or one above it, leaves.
+
+    None where no group sets a limit, or there are none.
+
+    Parameters
+    ----------
+    root : Path
+        The folder under which hierarchies are mounted.
+    own : Path
+        The file that names the groups of the process.
+    """
+    left = (_left_in(folder) for folder in _groups(root, own))
+    return min((one for one in left if one is not None), default=None)
+
+
+def _groups(root: Path, own: Path) -> Iterator[Path]:
+    """Yield the folders of the groups that may limit the memory of this process."""
+    try:
+        lines = own.read_text("utf-8", "replace").splitlines()
+    except OSError:
+        lines = []
+    paths = {"", "memory", "unified"}  # containers often show their own group in place of the root
+    for line in lines:
+        _, controllers, path = [*line.split(":", 2), "", ""][:3]
+        if controllers and "memory" not in controllers.split(","):
+            continue
+        for mount in ("memory", controllers) if controllers else ("", "unified"):
+            inside = PurePosixPath(mount, path.lstrip("/"))
+            if ".." not in inside.parts:  # a group outside of what a container sees
+                paths |= {str(one) for one in (inside, *inside.parents)}
+    yield from (root / path for path in sorted(paths))
+
+
+def _left_in(group: Path) -> int | None:
+    """Return the bytes that one group leaves; None where it sets no limit."""
+    for limit, used, kept in _FILES:
+        try:
+            most = (group / limit).read_text("ascii").strip()
+            if most == "max" or int(most) >= _NO_LIMIT:
+                continue
+            taken = int((group / used).read_text("ascii"))
+            return int(most) - taken + _given_back_on_demand(group, kept)
+        except (OSError, ValueError):
+            continue
+    return None
+
+
+def _given_back_on_demand(group: Path, line: str) -> int:
+    """Return the bytes of files that a group keeps in memory while nobody needs it."""
+    try:
+        stated = (group / "memory.stat").read_text("ascii").splitlines()
+        return next(int(one.split()[1]) for one in stated if one.startswith(f"{line} "))
+    except (OSError, StopIteration):
+        return 0
+
 
 LIBRARIES_TAKE, A_THREAD_TAKES = 2_000_000_000, 75_000_000
 """Bytes of address space, most of it never touched: code, and stacks and heaps of threads."""

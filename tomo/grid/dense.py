@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from tomo._compute.arrays import like, namespace, zeros
-from tomo._compute.index_types import index_type
+from tomo._compute.grouping import index_type
 
 
 class DenseBox:

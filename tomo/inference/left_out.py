@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tomo.inference.fit import Fit
 from tomo.inference.solve import next_fit
-from tomo.measurement.pixel_blocks import SIDE
+from tomo.measurement.noise_model import SIDE
 from tomo.selection.folds import blocks_to_leave_out
 
 BETTER = 0.5

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.measurement import NoiseModel
-from tomo.measurement.pixel_blocks import SIDE, block_means
+from tomo.measurement.noise_model import SIDE, block_means
 
 LIGHT = 4.5
 """Standard deviations of noise above which the brightest block, or all light together, is no

@@ -5,13 +5,12 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "pixel_check": ["cut_off_level"],
         "background": ["background", "below_zero"],
-        "bad_pixels": ["usable_pixels"],
-        "dead_lines": ["DeadLines", "find_dead_lines"],
+        "bad_pixels": ["usable_pixels", "DeadLines", "find_dead_lines"],
         "noise_model": ["NoiseModel", "estimate_noise"],
         "outlier_pixels": ["find_outlier_pixels"],
         "pixel_weights": ["PixelWeights", "weigh_pixels"],
-        "saturation": ["cut_off_level"],
         "stored_bits": ["StoredBits"],
     },
 )

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from tomo.measurement.noise_model import NoiseModel
-from tomo.measurement.pixel_blocks import SIDE, block_means
+from tomo.measurement.noise_model import SIDE, NoiseModel, block_means
 
 SIGMAS = 5.0  # standard deviations of a block's mean that the background must exceed
 FRACTION = 0.01  # fraction of the brightest block, added to that limit

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from tomo import metrics
 from tomo._compute.reductions import dot, norm
 from tomo.measurement import NoiseModel, estimate_noise
-from tomo.measurement.pixel_blocks import SIDE, block_means
+from tomo.measurement.noise_model import SIDE, block_means
 
 SURE = 1.5
 """Ratio of a residual to the noise up to which it may be noise: estimates are good to a quarter.

@@ -14,7 +14,7 @@ from tomo.report.series_report import write_series_report
 from tomo.scan import Scan
 from tomo.series import SeriesStore
 from tomo.series.answer import answer_of_series
-from tomo.series.images import UnreadableError, read_frame
+from tomo.series.frames import UnreadableError, read_frame
 from tomo.series.layout import CAMERA_FIGURES
 from tomo.series.store import COMPLETE, LEFT_OUT
 from tomo.series.table import SeriesTable

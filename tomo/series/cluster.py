@@ -69,8 +69,7 @@ def on_cluster(
     if workers is not None and workers < 1:
         raise ValueError(f"workers: found {workers}, expected at least 1")
     _import_distributed()
-    from tomo.series.local_workers import started
-    from tomo.series.on_worker import own_versions
+    from tomo.series.on_worker import own_versions, started
 
     with _connected(scheduler) if scheduler is not None else started(cast(int, workers)) as client:
         versions = own_versions()

@@ -9,8 +9,8 @@ import numpy as np
 
 from rigs.progress import Progress
 from tomo.grid import VoxelGrid
-from tomo.series.claims import Claims
 from tomo.series.frames import blocks_of
+from tomo.series.same_run import Claims
 from tomo.series.store import SeriesStore
 
 logger = logging.getLogger(__name__)

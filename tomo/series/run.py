@@ -24,14 +24,12 @@ from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
 from tomo.scan.given import as_scan
-from tomo.series.claims import Claims
-from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of
-from tomo.series.images import reader_of
+from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of, reader_of
 from tomo.series.layout import mend_descriptions
 from tomo.series.mend import mend
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
-from tomo.series.same_run import attributes_of_plan, attributes_of_run, check_same_run
+from tomo.series.same_run import Claims, attributes_of_plan, attributes_of_run, check_same_run
 from tomo.series.settle import check_series_options, choose, make_plan
 from tomo.series.solving import (
     SKIPPED,

@@ -1,12 +1,17 @@
-"""Whether a run may go on with a store: what it was made from and with, compared."""
+"""Whether a run may go on with a store, and which process has which of its blocks in hand.
+
+What the store was made from and with is compared. Claims are locks that end with their process.
+"""
 
 from __future__ import annotations
 
+import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 import yaml
@@ -19,8 +24,7 @@ from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
 from tomo.scan.films import FilmFrame
 from tomo.scan.mean_image import MeanImage
-from tomo.series.frames import BLOCK, refining_places
-from tomo.series.images import naming, readable, readable_keys
+from tomo.series.frames import BLOCK, naming, readable, readable_keys, refining_places
 from tomo.series.plan import Plan
 from tomo.series.store import SeriesStore
 
@@ -158,3 +162,63 @@ def _checksum(scan: Scan, places: Sequence[int]) -> int:
         for image in images:
             found = zlib.crc32(np.ascontiguousarray(image).tobytes(), found)
     return found
+
+
+LOCK = Path("complete") / "lock"
+"""The file whose bytes are locked, one a block, in a store's folder: inside an array, where no
+reader of the store looks for groups."""
+
+
+class Claims:
+    """The blocks of a store that this process has in hand, for one run at a time.
+
+    Where the system cannot lock parts of files (Windows, some network disks), every process gets
+    every block: all write the same.
+
+    Parameters
+    ----------
+    store : Path
+        The folder of the store.
+    """
+
+    def __init__(self, store: Path) -> None:
+        try:
+            import fcntl
+        except ImportError:
+            self._system = None
+        else:
+            self._system = fcntl
+        # one handle: POSIX takes all locks of a process away when it closes any handle of a file
+        self._handle = os.open(store / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        os.close(self._handle)
+
+    def take(self, block: range, *, wait: bool) -> bool:
+        """Take a block; return whether it could be had.
+
+        ``wait`` waits for the process that has it, until that has finished it or ended.
+        """
+        if self._system is None:
+            return True
+        how = self._system.LOCK_EX | (0 if wait else self._system.LOCK_NB)
+        try:
+            self._system.lockf(self._handle, how, 1, block.start)
+        except (BlockingIOError, PermissionError):
+            return False
+        except OSError:  # a disk without locks
+            return True
+        return True
+
+    def release(self, block: range) -> None:
+        """Give a block back."""
+        if self._system is not None:
+            self._system.lockf(self._handle, self._system.LOCK_UN, 1, block.start)

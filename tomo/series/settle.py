@@ -33,8 +33,7 @@ from tomo.scan import Scan
 from tomo.selection import choose_by_left_out_pixels
 from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
-from tomo.series.frames import refining_places, spread
-from tomo.series.images import read_frame, readable, readable_keys
+from tomo.series.frames import read_frame, readable, readable_keys, refining_places, spread
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
 from tomo.series.temporal_plan import settle_filter

@@ -8,8 +8,7 @@ from dataclasses import replace
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.options import OFF
 from tomo.selection.choose import Choice
-from tomo.series.frames import spread
-from tomo.series.images import reader_of
+from tomo.series.frames import reader_of, spread
 from tomo.series.plan import Plan
 from tomo.series.solving import solved_together
 from tomo.series.systems import system_of_block, weighted

@@ -12,9 +12,8 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured, multiplicative_start
 from tomo.priors import ProximalPrior
 from tomo.solvers._parameters import shared_parameters
-from tomo.solvers.iterate import States, check_nonnegative, drive
+from tomo.solvers.iterate import States, check_nonnegative, drive, interleaved
 from tomo.solvers.solution import Callback, Solution
-from tomo.solvers.subsets import interleaved
 
 DUAL_STEPS = 20
 """Steps of a prior's proximal map at each update, whose metric is another each time. Fewer leave

@@ -15,10 +15,10 @@ from tomo.solvers.iterate import (
     States,
     check_relaxation,
     drive,
+    interleaved,
     residual_of,
 )
 from tomo.solvers.solution import Callback, Solution
-from tomo.solvers.subsets import interleaved
 
 
 @shared_parameters

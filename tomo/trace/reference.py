@@ -14,8 +14,7 @@ from numpy.typing import DTypeLike, NDArray
 from tomo.grid import VoxelGrid
 from tomo.rays import Rays
 from tomo.rays.ray_box import enter_box
-from tomo.trace._collect import collect_by_pixel
-from tomo.trace.segments import Segments
+from tomo.trace.segments import Segments, collect_by_pixel
 
 
 def planes_ahead(

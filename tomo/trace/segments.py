@@ -1,13 +1,18 @@
-"""What a tracer returns: the voxels that each pixel's rays cross, and the lengths in them."""
+"""What a tracer returns: the voxels that each pixel's rays cross, and the lengths in them.
+
+The two slower tracers collect the segments of each ray by `collect_by_pixel`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import DTypeLike, NDArray
 
-from tomo._compute.grouping import take_groups
+from tomo._compute.grouping import index_type, take_groups
+from tomo.grid import VoxelGrid
+from tomo.rays import Rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,3 +140,31 @@ class Segments:
             np.concatenate([part.length for part in parts]),
             np.concatenate([part.midpoint for part in parts]) if has_midpoint else None,
         )
+
+
+def collect_by_pixel(
+    rays: Rays,
+    grid: VoxelGrid,
+    counts: NDArray[np.int64],
+    lengths: NDArray[np.float64],
+    index: NDArray[np.int64],
+    middles: NDArray[np.float64],
+    *,
+    midpoints: bool,
+    dtype: DTypeLike,
+) -> Segments:
+    """Return `Segments` from those of each ray.
+
+    ``counts`` (N,) of each ray, ``lengths`` (S,), the ``index`` (S, 3) of their voxels and their
+    midpoints ``middles`` (S, 3) in voxel units.
+    """
+    voxel = np.ravel_multi_index(tuple(index.T), grid.shape).astype(index_type(grid.size))
+    ray_ptr = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+    weighted = lengths * np.repeat(rays.weight, counts)
+    from_center = (middles - np.asarray(grid.shape) / 2) * grid.spacing
+    return Segments(
+        ray_ptr[rays.pixel_ptr],
+        voxel,
+        weighted.astype(dtype),
+        from_center.astype(dtype) if midpoints else None,
+    )

@@ -12,7 +12,7 @@ from rigs.changes import as_ray_tables, with_cameras
 from rigs.scene import Cylinder, Glass, Mesh, Mirror, Opaque, Scene, SceneCamera, Sphere, Window
 from tomo.grid import VoxelGrid
 from tomo.model.pose import moved
-from tomo.operators.dot_test import dot_test
+from tomo.operators.operator import dot_test
 from tomo.operators.system import LinearSystem
 from tomo.rays import Rays
 from tomo.trace import tracing

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tomo._compute.index_types import index_type
+from tomo._compute.grouping import index_type
 
 
 @pytest.mark.parametrize("count", [0, 1, 2**31 - 1, 2**31, 2**40])

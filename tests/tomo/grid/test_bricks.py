@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tomo import ActiveVoxels, Projector, Rays, VoxelGrid
-from tomo.grid.bricks import brick_order
+from tomo.grid.active_voxels import brick_order
 from tomo.trace import trace
 
 side = st.integers(1, 20)

@@ -4,7 +4,7 @@ import pytest
 import rigs
 from phantoms import GaussianBlobs
 from tomo import LinearSystem, VoxelGrid
-from tomo.measurement.pixel_noise import ORDER, noise_from_differences
+from tomo.measurement.noise_model import ORDER, noise_from_differences
 from tomo.simulation import simulate
 
 GRID = VoxelGrid((10, 16, 10), 1.0)

@@ -9,7 +9,7 @@ import tifffile
 from rigs import save_rig
 from tomo import scan_of_images
 from tomo.series import SeriesStore, reconstruct_series
-from tomo.series.images import readable_keys
+from tomo.series.frames import readable_keys
 from tomo.series.table import SeriesTable
 from tomo.series.watching import watch_table
 

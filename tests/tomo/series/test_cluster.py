@@ -18,8 +18,8 @@ import tifffile
 
 from tomo import scan_of_images
 from tomo.series import on_cluster
-from tomo.series.claims import Claims
 from tomo.series.frames import blocks_of
+from tomo.series.same_run import Claims
 
 distributed = pytest.importorskip("distributed")
 
@@ -237,7 +237,7 @@ def test_workers_lost_while_they_start_are_started_again_once(monkeypatch):
         raise RuntimeError("Nanny failed to start.")
 
     started = []
-    monkeypatch.setattr("tomo.series.local_workers.LocalCluster", fails)
+    monkeypatch.setattr("tomo.series.on_worker.LocalCluster", fails)
     with pytest.raises(ChildProcessError, match=r"end as they start, twice, .*__main__"):
         on_cluster(workers=1).__enter__()
     assert len(started) == 2

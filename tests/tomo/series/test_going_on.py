@@ -12,10 +12,10 @@ import zarr.storage._local as local_store
 from tomo import Options, Scan
 from tomo.series import SeriesStore, reconstruct_series
 from tomo.series import run as series_run
-from tomo.series.claims import Claims
 from tomo.series.frames import BLOCK, blocks_of
 from tomo.series.layout import CAMERA_FIGURES, FIGURES
 from tomo.series.run import run_plan
+from tomo.series.same_run import Claims
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -138,7 +138,7 @@ def test_two_runs_share_the_blocks_of_a_store(plan, store, undisturbed, assert_s
     """A block that another process has in hand is left to it, and done if it ends before."""
     first, last = blocks_of(len(plan.places))
     code = (
-        "import sys; from pathlib import Path; from tomo.series.claims import Claims\n"
+        "import sys; from pathlib import Path; from tomo.series.same_run import Claims\n"
         "claims = Claims(Path(sys.argv[1]))\n"
         f"print(claims.take(range({last.start}, {last.stop}), wait=False), flush=True)\n"
         "sys.stdin.read()"

@@ -10,7 +10,7 @@ import rigs
 from rigs import box_points, ray_miss
 from tomo import Options, Scan, VoxelGrid
 from tomo.metrics import nrmse
-from tomo.series.images import reader_of
+from tomo.series.frames import reader_of
 from tomo.series.run import solve_block
 from tomo.series.same_run import attributes_of_plan
 from tomo.series.settle import make_plan

@@ -80,7 +80,7 @@ def test_unrelated_frames_lose_nothing(results):
 
 
 def test_a_block_alone_has_the_bits_of_the_series(tmp_path):
-    from tomo.series.images import reader_of
+    from tomo.series.frames import reader_of
     from tomo.series.settle import make_plan
 
     scan = film_of([blobs(1, 0.2 * time) for time in range(11)])

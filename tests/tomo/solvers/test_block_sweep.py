@@ -9,8 +9,8 @@ import pytest
 from tomo import ActiveVoxels, GaussianBasis, Projector
 from tomo.solvers import _block_sweep, sart, sirt
 from tomo.solvers._block_sweep import sweep_of
+from tomo.solvers.iterate import interleaved
 from tomo.solvers.sart import view_orders
-from tomo.solvers.subsets import interleaved
 
 
 def _twin(matrix, measured, parts, x, relaxation, nonnegative, weights, least):

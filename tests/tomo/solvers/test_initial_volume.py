@@ -4,7 +4,7 @@ import pytest
 from tomo import solvers
 from tomo.metrics import cosine_distance
 from tomo.solvers.initial_volume import mlos_start
-from tomo.solvers.subsets import interleaved
+from tomo.solvers.iterate import interleaved
 
 
 def test_it_is_far_nearer_to_the_volume_than_an_even_start(ring_system):

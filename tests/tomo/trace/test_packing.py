@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from tomo._compute.jit import compiled
-from tomo.trace._packing import SLABS, pack
+from tomo.trace.march import SLABS, pack
 
 PIECES = 3  # of a ray in a slab, at most
 

@@ -7,7 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "footprint": ["footprint_blur"],
         "gaussian": ["GaussianBasis"],
-        "linear": ["LinearBasis"],
-        "means": ["coefficients_of", "voxel_means"],
+        "linear": ["LinearBasis", "coefficients_of", "voxel_means"],
     },
 )

@@ -18,7 +18,7 @@ from tomo.operators.gpu.device import NOTHING, Device
 from tomo.operators.gpu.device_operator import DeviceOperator
 from tomo.operators.gpu.kernels import TOGETHER, together
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
-from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
+from tomo.operators.on_the_fly.running_sums import adjoint_with_nonfinite
 
 BITS = 62
 """Bits of the largest sum of whole numbers: more leave no room for the sign and the roundings."""

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.index_types import index_type
+from tomo._compute.grouping import index_type
 
 
 @dataclass(frozen=True, eq=False)

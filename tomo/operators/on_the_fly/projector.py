@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs import CameraLike
-from tomo._compute.index_types import index_type
+from tomo._compute.grouping import index_type
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly import kernels
 from tomo.operators.on_the_fly.camera_sources import pixel_source
@@ -31,13 +31,13 @@ from tomo.operators.on_the_fly.counting_pass import (
     columns_met,
     count_crossings,
 )
-from tomo.operators.on_the_fly.nonfinite import adjoint_with_nonfinite
 from tomo.operators.on_the_fly.pixel_runs import pixels_between, pixels_by_source
 from tomo.operators.on_the_fly.ray_sources import Numbers, PixelSource, RayPixels
 from tomo.operators.on_the_fly.running_sums import (
     ORDERS,
     Axes,
     add_differences,
+    adjoint_with_nonfinite,
     in_order,
     running_sums,
 )

@@ -8,10 +8,13 @@ precision and kept in the volume's type.
 The transpose takes numbers ``D[k]`` that belong to the running sums: voxel ``k`` is in all sums
 from ``k + 1`` on, so it gets the sum of ``D`` from there to the column's end. ``D`` is kept in
 integers, which sum exactly: what cancels, cancels to zero.
+
+Integers can hold no NaN and no infinity: pixels that are not finite are added apart.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -154,3 +157,18 @@ def _walk(shape: tuple[int, int, int], axes: Axes, some_b: int) -> _Walk:
     if c < b:
         return _Walk((n_a, some_b, n_c), (a, b, c), (n_c, 1))
     return _Walk((n_a, n_c, some_b), (a, c, b), (1, n_c))
+
+
+def adjoint_with_nonfinite(
+    adjoint: Callable[[NDArray], NDArray], y: NDArray, finite: NDArray[np.bool_]
+) -> NDArray:
+    """Return the adjoint of pixels ``y`` of which some are not ``finite``.
+
+    Their values reach every voxel that they see; ``adjoint`` takes finite pixels only.
+    """
+    volume = adjoint(np.where(finite, y, 0))
+    with np.errstate(invalid="ignore"):  # infinity less infinity is not a number
+        for value in np.unique(y[~finite]):
+            same = np.isnan(y) if np.isnan(value) else y == value
+            volume[adjoint(same.astype(np.float64)) > 0] += value
+    return volume

@@ -6,8 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "proposal": ["Proposal", "propose_scan"],
-        "request": ["Request"],
-        "undecided": ["UndecidedError"],
+        "request": ["Request", "UndecidedError"],
         "write": ["WRITTEN", "write_proposal"],
     },
 )

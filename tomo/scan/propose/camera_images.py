@@ -16,7 +16,7 @@ from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import Film, FilmFrame, frames_of_films
 from tomo.scan.frames import Frame
 from tomo.scan.propose.contents import Contents
-from tomo.scan.propose.undecided import UndecidedError
+from tomo.scan.propose.request import UndecidedError
 
 _USUAL = "images/"
 """Where a scan's images are by convention: they come before those of other folders."""

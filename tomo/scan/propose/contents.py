@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from rigs.formats import rigs_in
 from rigs.recordings import CONTAINER_SUFFIXES, FILM_SUFFIXES, IMAGE_SUFFIXES, is_film
 from rigs.recordings.layout import natural
-from tomo.scan.propose.undecided import UndecidedError
+from tomo.scan.propose.request import UndecidedError
 from tomo.scan.write import SCAN_FILE
 
 RIG_FILE, THUMBNAILS = "rig.yaml", "thumbnails.png"

@@ -15,7 +15,7 @@ from tomo.scan.films import FilmFrame
 from tomo.scan.mean_image import MeanImage, images_by_camera
 from tomo.scan.propose.camera_images import sizes_of
 from tomo.scan.propose.contents import Contents, kind_of
-from tomo.scan.propose.undecided import UndecidedError
+from tomo.scan.propose.request import UndecidedError
 
 FRAMES = "{frame}"
 
