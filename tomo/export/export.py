@@ -37,7 +37,7 @@ FORMATS = {
     "npz": Format("volume_files:write_npz", ("",), (), "a folder of NumPy files"),
     "mp4": Format("film:write_film", (".mp4",), ("av",), "a film of maximum projections"),
     "statistics": Format(
-        "statistics:write_statistics", (".zarr",), (), "mean and RMS fluctuation of every voxel"
+        "spectrum:write_statistics", (".zarr",), (), "mean and RMS fluctuation of every voxel"
     ),
     "spectrum": Format(
         "spectrum:write_spectrum", (".zarr",), (), "power spectral density of every voxel"

@@ -2,7 +2,7 @@
 
 import pytest
 
-from tomo._compute import control_groups, memory
+from tomo._compute import memory
 
 V2 = ("memory.max", "memory.current", "inactive_file")
 V1 = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
@@ -21,12 +21,12 @@ def group(folder, version, limit, used=0, inactive=0):
 def left(tmp_path, *lines):
     own = tmp_path / "own"
     own.write_text("".join(f"{line}\n" for line in lines))
-    return control_groups.left_in_groups(tmp_path / "cgroup", own)
+    return memory.left_in_groups(tmp_path / "cgroup", own)
 
 
 def test_without_groups_there_is_no_limit(tmp_path):
     assert left(tmp_path) is None
-    assert control_groups.left_in_groups(tmp_path / "cgroup", tmp_path / "none") is None
+    assert memory.left_in_groups(tmp_path / "cgroup", tmp_path / "none") is None
 
 
 def test_files_that_were_read_are_given_back(tmp_path):
