@@ -35,19 +35,19 @@ def in_turn(candidates: Mapping[str, Callable[[], object]], repeats: int) -> dic
 
 
 class Stopwatch:
-    """Seconds since it was made, without those spent paused."""
+    """Seconds of a clock since it was made, without those spent paused."""
 
-    def __init__(self) -> None:
-        self._started = time.perf_counter()
+    def __init__(self, clock: Callable[[], float] = time.perf_counter) -> None:
+        self._clock, self._started = clock, clock()
 
     @contextmanager
     def paused(self) -> Iterator[float]:
         """Stand still, yielding what the watch shows: judging takes none of what is judged."""
-        stopped = time.perf_counter()
+        stopped = self._clock()
         try:
             yield stopped - self._started
         finally:
-            self._started += time.perf_counter() - stopped
+            self._started += self._clock() - stopped
 
 
 def in_fresh_process(

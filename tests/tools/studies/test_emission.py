@@ -1,0 +1,153 @@
+"""The study of error against run time: its scenes, peers, archive and command, on few voxels."""
+
+import json
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from studies.emission import archive, learned, methods, scenes, study, toolkit
+from studies.emission.course import PATIENCE, Course, best_of, falling
+from typer.testing import CliRunner
+
+from tomo import load_scan, metrics
+from tomo.cli.usage import command_line
+from tomo.operators import LinearSystem
+
+GRID = scenes.TINY_GRID
+ROUND = scenes.Emission("jet", "round puffs", "ring-6", "clean", 3)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("scenes")
+
+
+@pytest.fixture(scope="module")
+def jet(cache):
+    return scenes.seen(ROUND, cache, GRID)
+
+
+def test_kinds_noises_and_views_are_balanced():
+    assert len(scenes.SCENES) == 12
+    for counted in (
+        Counter(one.kind for one in scenes.SCENES.values()),
+        Counter(name.split("-")[1] for name in scenes.SCENES),
+    ):
+        assert set(counted.values()) == {3}
+    assert set(Counter(one.noise for one in scenes.SCENES.values()).values()) == {4}
+
+
+@pytest.mark.parametrize("family", ["averaged jet", "off-axis plume"])
+def test_images_and_truth_agree_through_the_projector(family):
+    scene = scenes.seen(replace(ROUND, family=family, rig="dome-3"), None, GRID)
+    projector = LinearSystem.from_rig(scene.rig, GRID, skip=False).projector
+    assert metrics.nrmse(projector @ scene.truth.ravel(), scene.images.ravel()) < 0.06
+    assert scene.scores(scene.truth)["held_out_psnr"] > 30
+    assert scene.scores(0.5 * scene.truth)["nrmse"] == pytest.approx(0.5)
+
+
+def test_the_same_scene_comes_from_the_cache(jet, cache):
+    again = scenes.seen(ROUND, cache, GRID)
+    np.testing.assert_array_equal(again.images, jet.images)
+
+
+def test_a_course_keeps_its_best_and_stops_when_nothing_is_better(jet):
+    course = Course(jet.truth)
+    assert not course.judge(0.9 * jet.truth)
+    stops = [course.judge(0.5 * jet.truth) for _ in range(PATIENCE)]
+    assert stops == [False] * (PATIENCE - 1) + [True]
+    assert course.nrmse == pytest.approx(0.1, rel=1e-4)
+    np.testing.assert_allclose(course.volume, 0.9 * jet.truth)
+
+
+def test_the_curve_falls():
+    assert falling([(3.0, 0.2), (1.0, 0.5), (2.0, 0.6)]) == [(1.0, 0.5), (3.0, 0.2)]
+
+
+PEERS = [
+    (methods.classic, {"method": "sart", "relaxation": 1.0}, 0.15),
+    (methods.abel, {"reg": "nonneg"}, 0.05),
+    (learned.fit, {"rate": 0.01, "frequency": 2.0}, 0.3),
+    (learned.fit, {"rate": 0.03, "roughness": 1e-3}, 0.3),
+]
+
+
+@pytest.mark.parametrize(("run", "how", "least"), PEERS, ids=["sart", "abel", "neural", "planes"])
+def test_a_peer_comes_near_the_truth(run, how, least, jet, monkeypatch):
+    monkeypatch.setattr(learned, "STEPS", 150)
+    found = best_of(jet, run, [how])
+    assert metrics.nrmse(found.volume, jet.truth) < least
+    assert 0 < found.cpu_seconds <= found.tuning_seconds
+
+
+RTK = [
+    (toolkit.run_in_sweeps, {"count": "NumberOfIterations", "Lambda": 1.0, "filter_name": "SART"}),
+    (toolkit.run_once, {"NumberOfIterations": 10, "filter_name": "ConjugateGradient"}),
+    (
+        toolkit.run_in_sweeps,
+        {
+            "count": "MainLoop_iterations",
+            "GammaTV": 1e-3,
+            "filter_name": "RegularizedConjugateGradient",
+        },
+    ),
+]
+
+
+@pytest.mark.parametrize(("run", "how"), RTK, ids=["sart", "cg", "tv"])
+def test_rtk_takes_the_same_rays(run, how, jet, monkeypatch):
+    pytest.importorskip("itk")
+    monkeypatch.setattr(
+        toolkit, "SWEEPS", {"NumberOfIterations": (5,), "MainLoop_iterations": (3,)}
+    )
+    turned = replace(jet, images=jet.images[:, ::-1])
+    right, wrong = (
+        metrics.nrmse(best_of(one, run, [how]).volume, jet.truth) for one in (jet, turned)
+    )
+    assert right < 0.45
+    assert wrong > 1.25 * right
+
+
+def test_an_archive_is_read_by_everyone_and_scored(cache, tmp_path):
+    (name,) = study.SIZES["tiny"][1]
+    archive.write_archive(tmp_path / "a.zip", [name], cache, GRID)
+    import zipfile
+
+    with zipfile.ZipFile(tmp_path / "a.zip") as file:
+        file.extractall(tmp_path)
+    scan, scene = load_scan(tmp_path / name), scenes.seen(scenes.SCENES[name], cache, GRID)
+    np.testing.assert_array_equal(np.stack(scan.images()), scene.images)
+    (tmp_path / "volumes").mkdir()
+    np.save(tmp_path / "volumes" / f"{name}.npy", scene.truth)
+    (row,) = archive.scored(tmp_path / "volumes", [name], cache, GRID)
+    assert row["nrmse"] == 0
+    np.save(tmp_path / "volumes" / f"{name}.npy", scene.truth[1:])
+    with pytest.raises(ValueError, match=f"{name}.npy: grid: found"):
+        archive.scored(tmp_path / "volumes", [name], cache, GRID)
+
+
+def test_the_command_goes_on_with_rows_that_are_missing(tmp_path, monkeypatch, quick_choice):
+    def in_this_process(function, jobs, _processes):
+        return ((key, function(*job)) for key, job in jobs.items())
+
+    monkeypatch.setattr(study, "at_work", in_this_process)
+    monkeypatch.setattr(study, "warm_up", lambda: None)
+
+    def run(*arguments):
+        app = command_line(study.run, "emission")
+        common = ["--tiny", "-o", str(tmp_path)]
+        done = CliRunner().invoke(app, [*common, *arguments])
+        assert done.exit_code == 0, done.output
+        return json.loads((tmp_path / "emission.json").read_text())
+
+    first = run("--method", "auto")["parts"]["scenes"]["tables"]["rows"]
+    result = run("--method", "auto", "--method", "sart")
+    tables = result["parts"]["scenes"]["tables"]
+    assert tables["rows"][0] == first[0]
+    assert [row["method"] for row in tables["rows"]] == ["auto", "sart"]
+    assert {"commit", "machine"} <= set(result)
+    (nearest,) = tables["nearest"]
+    assert nearest["its_nrmse"] == min(row["nrmse"] for row in tables["rows"])
+    assert (tmp_path / "emission" / "curves.png").is_file()
+    assert "| auto | no |" in (tmp_path / "emission.md").read_text()

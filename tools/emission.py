@@ -1,0 +1,23 @@
+"""Chart error against run time on known emissions: the project's methods and tuned peers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tomo.cli.stopping import run
+
+if TYPE_CHECKING:
+    import typer
+
+
+def app() -> typer.Typer:
+    """Return the command line; it imports libraries once signals are handled."""
+    from studies.emission import study
+
+    from tomo.cli.usage import command_line
+
+    return command_line(study.run, "emission", help="Error against run time on known emissions.")
+
+
+if __name__ == "__main__":
+    run(lambda: app()())

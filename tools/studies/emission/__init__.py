@@ -1,0 +1,1 @@
+"""Error against run time: this project's methods and tuned peers on twelve known emissions."""

@@ -1,0 +1,137 @@
+"""The methods of the table: ours as they are, and peers tuned and stopped by the truth."""
+
+from __future__ import annotations
+
+import itertools
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+from scipy.ndimage import map_coordinates
+
+from studies.common.problems import problem
+from studies.emission import learned, toolkit
+from studies.emission.course import Course, Found, best_of
+from studies.emission.scenes import Emission, Seen
+from tomo import Options, reconstruct, solvers
+
+SWEEPS = 100
+"""Of ART and SART at the most, as papers have them."""
+
+PAPER_RAYS = 1_500_000
+"""Rays that wernet-paper learns from, over all epochs: its 80 would take an hour a scene."""
+
+FEWEST_EPOCHS = 4
+
+
+@dataclass(frozen=True)
+class Method:
+    """A row of a scene's table.
+
+    Attributes
+    ----------
+    run : callable
+        Makes a `Found` of a `Seen`.
+    is_ours : bool
+        Neither tuned nor stopped by the truth.
+    applies : callable
+        Whether it can be used on an `Emission`.
+    """
+
+    run: Callable[[Seen], Found]
+    is_ours: bool = False
+    applies: Callable[[Emission], bool] = lambda _emission: True
+
+
+def ours(method: str, seen: Seen, iterations: int | None = None) -> Found:
+    """Run a method of the project as a user has it, without intervals."""
+    how: dict[str, Any] = {"method": method, "uncertainty": 0, "iterations": iterations}
+    if method == "wernet-paper" and iterations is None:
+        how["iterations"] = max(FEWEST_EPOCHS, round(PAPER_RAYS / seen.images.size))
+    cpu, wall = time.process_time(), time.perf_counter()
+    outcome = reconstruct(seen.scan, None, Options(**how))
+    cpu, wall = time.process_time() - cpu, time.perf_counter() - wall
+    solution = outcome.solution
+    keys = ("method", "strength", "iterations")
+    settings = {key: solution.settings[key] for key in keys if key in solution.settings}
+    return Found(np.asarray(solution.volume), settings, cpu, wall)
+
+
+def classic(course: Course, seen: Seen, *, method: str, **how: Any) -> None:
+    """Run a solver on all pixels and voxels, judged after each sweep."""
+    ready = problem(seen.rig, seen.grid, list(seen.images), skip=False)
+    projector = ready.system.projector
+
+    def judge(index: int, volume: np.ndarray, _residual: float) -> bool:
+        return index > 0 and course.judge(projector.active.expand(volume))
+
+    solver = getattr(solvers, method)
+    solver(projector, ready.measured, iterations=SWEEPS, callback=judge, **how)
+
+
+def abel(course: Course, seen: Seen, *, reg: Any) -> None:
+    """Invert the mean of all views and both sides by Daun's method (PyAbel), row by row.
+
+    Views are sampled in the plane through the axis that faces them: exact for level cameras far
+    away. Daun et al., Appl. Opt. 45 (2006).
+    """
+    from abel.daun import daun_transform
+
+    grid, step = seen.grid, seen.grid.spacing[0]
+    radii = step * np.arange(int(np.hypot(grid.shape[0], grid.shape[2]) / 2) + 1)
+    heights = grid.axes()[1] - grid.center[1]
+    halves = []
+    for camera, image in zip(seen.rig, seen.images, strict=True):
+        for side in (-1, 1):
+            across = side * radii[None, :, None] * camera.R[0]
+            points = np.asarray(grid.center) + across + heights[:, None, None] * [0, 1, 0]
+            uv = camera.project(points.reshape(-1, 3))[0]
+            halves.append(map_coordinates(image, uv.T[::-1], order=1, mode="nearest"))
+    mean = np.mean(halves, axis=0).reshape(len(heights), len(radii))  # (heights, radii)
+    found = daun_transform(mean, reg=reg, degree=1, dr=step, basis_dir=None, verbose=False)
+    x, _, z = grid.axes()
+    radius = np.hypot(x[:, None] - grid.center[0], z - grid.center[2]) / step  # (nx, nz)
+    rows = [np.interp(radius, np.arange(len(radii)), row, right=0) for row in found]
+    course.judge(np.maximum(np.stack(rows, axis=1), 0))
+
+
+def every(**values: tuple) -> list[dict[str, Any]]:
+    """Return all combinations of settings."""
+    return [dict(zip(values, one, strict=True)) for one in itertools.product(*values.values())]
+
+
+def _tuned(run: Callable[..., None], applies: Any = None, **values: tuple) -> Method:
+    found = partial(best_of, run=run, tried=every(**values))
+    return Method(found) if applies is None else Method(found, applies=applies)
+
+
+METHODS: Mapping[str, Method] = {
+    **{name: Method(partial(ours, name), is_ours=True) for name in ("auto", "mlem", "tv")},
+    "art": _tuned(classic, method=("art",), relaxation=(0.01, 0.03, 0.1, 0.3, 1.0)),
+    "sart": _tuned(classic, method=("sart",), relaxation=(0.03, 0.1, 0.3, 1.0, 1.5)),
+    "abel": _tuned(
+        abel, lambda emission: emission.is_round,
+        reg=(0.0, "nonneg", ("diff", 1.0), ("diff", 10.0), ("diff", 100.0), ("diff", 1000.0)),
+    ),
+    "rtk-sart": _tuned(
+        toolkit.run_in_sweeps, filter_name=("SART",),
+        count=("NumberOfIterations",), EnforcePositivity=(True,), Lambda=(0.1, 0.3, 1.0),
+    ),
+    "rtk-cg": _tuned(
+        toolkit.run_once, filter_name=("ConjugateGradient",),
+        NumberOfIterations=(5, 10, 20, 40, 80), Gamma=(0.0, 1.0, 10.0),
+    ),
+    "rtk-tv": _tuned(
+        toolkit.run_in_sweeps,
+        filter_name=("RegularizedConjugateGradient",),
+        count=("MainLoop_iterations",), CG_iterations=(4,), PerformPositivity=(True,),
+        PerformTVSpatialDenoising=(True,), TV_iterations=(10,), GammaTV=(1e-4, 1e-3, 1e-2, 1e-1),
+    ),
+    "tensor-planes": _tuned(learned.fit, rate=(0.03,), roughness=(1e-3, 1e-2)),
+    "neural-field": _tuned(learned.fit, rate=(0.01,), frequency=(2.0, 4.0)),
+    **{n: Method(partial(ours, n), is_ours=True) for n in ("wernet", "wernet-paper")},
+}  # fmt: skip
+"""The quick ones first: an interrupted run has them for all scenes."""

@@ -1,0 +1,176 @@
+"""The command: a row a scene and method into one JSON, with the tables and curves of them all."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from functools import cache as once
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from rigs.files import atomic_path
+from rigs.files.json_file import plain, write_json
+from rigs.progress import progress_of
+from studies.common.machine import load
+from studies.common.page import markdown
+from studies.common.results import fresh_run, kept_run
+from studies.common.study import Request
+from studies.emission import archive as archives
+from studies.emission.methods import METHODS, ours
+from studies.emission.scenes import GRID, QUICK, SCENES, TINY_GRID, VERSION, seen
+from studies.emission.tables import figure_of, tables_of
+from studies.scenes.processes import MOST, at_work, warm_up
+from tomo import VoxelGrid
+from tomo.cli.console import print_json, say
+from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.outputs import check_output_file, check_output_folder
+
+PART = "scenes"
+SIZES = {"full": (GRID, tuple(SCENES)), "quick": (GRID, QUICK), "tiny": (TINY_GRID, QUICK[:1])}
+MOST_POINTS = 24
+"""Of a curve that is kept."""
+
+
+def run(
+    out: Annotated[Path, typer.Option("--out", "-o", help="The folder to write.")] = Path(
+        "out/emission"
+    ),
+    scene: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help="A scene; repeatable. All if absent.")
+    ] = None,
+    method: Annotated[
+        list[str] | None, typer.Option(metavar="NAME", help=f"{', '.join(METHODS)}; repeatable.")
+    ] = None,
+    quick: Annotated[bool, typer.Option("--quick", help="Three scenes.")] = False,
+    tiny: Annotated[bool, typer.Option("--tiny", help="One scene of few voxels.")] = False,
+    archive: Annotated[
+        Path | None,
+        typer.Option(help="Run nothing; write images, rigs and truths of all scenes: FILE.zip."),
+    ] = None,
+    score: Annotated[
+        Path | None,
+        typer.Option(help="Run nothing; print the errors of a folder's volumes SCENE.npy."),
+    ] = None,
+    processes: Annotated[int, typer.Option(help="At work at a time.", min=1, max=MOST)] = MOST,
+    json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
+) -> None:
+    """Chart error against run time on twelve known emissions.
+
+    Rows are kept in OUT/emission.json as they are done; the same command goes on with the others.
+    """
+    size = "tiny" if tiny else "quick" if quick else "full"
+    grid, names = SIZES[size]
+    with bad_input_in_one_line():
+        for option, given, known in (("--scene", scene, names), ("--method", method, METHODS)):
+            for name in given or ():
+                if name not in known:
+                    raise ValueError(f"{option}: found {name!r}, expected {', '.join(known)}")
+        names, cache = tuple(scene or names), out / "scenes"
+        check_output_folder(out)
+        if archive is not None:
+            check_output_file(archive, (".zip",))
+            archives.write_archive(archive, names, cache, grid)
+            return say(str(archive))
+        if score is not None:
+            tables = {"scores": archives.scored(score, names, cache, grid)}
+        else:
+            result = kept_run(out / "emission.json", _fresh(size))
+            missing = [
+                (one, each) for each in method or METHODS for one in names
+                if not any((r["scene"], r["method"]) == (one, each) for r in _rows(result))
+                and METHODS[each].applies(SCENES[one])
+            ]  # fmt: skip
+            measure(result, missing, out, cache, grid, processes)
+            tables = result["parts"][PART]["tables"]
+    if json:
+        print_json(tables)
+    elif score is not None:
+        typer.echo(markdown(tables["scores"]))
+
+
+def measure(
+    result: dict[str, Any],
+    missing: Sequence[tuple[str, str]],
+    out: Path,
+    cache: Path,
+    grid: VoxelGrid,
+    processes: int,
+) -> None:
+    """Add rows to a result, each written with its tables as it is done."""
+    jobs = {one: (*one, cache, grid) for one in missing}
+    with progress_of(True, PART) as progress:
+        for done, (key, row) in enumerate(at_work(measured, jobs, processes)):
+            progress(done + 1, len(jobs), " ".join(key))
+            if "left_out" in row:
+                say(f"{key[1]}: left out: {row['left_out']}")
+                continue
+            result["curves"].setdefault(key[0], {})[key[1]] = plain(row.pop("curve"), digits=4)
+            result["parts"][PART]["tables"]["rows"].append(plain(row, digits=5))
+            write(result, out)
+    if _rows(result):
+        from tomo.draw.figures import save_figure
+
+        save_figure(figure_of(result["curves"]), out / "emission" / "curves.png")
+
+
+def measured(name: str, method: str, cache: Path, grid: VoxelGrid) -> dict[str, Any]:
+    """Return the row of a scene and a method, with its curve."""
+    scene = seen(SCENES[name], cache, grid)
+    try:
+        _warm(method)
+        found = METHODS[method].run(scene)
+    except ImportError as error:
+        return {"left_out": str(error)}
+    curve = found.curve or [(found.cpu_seconds, scene.scores(found.volume)["nrmse"])]
+    return {
+        "scene": name,
+        **asdict(scene.emission),
+        "views": len(scene.rig),
+        "method": method,
+        **scene.scores(found.volume),
+        "cpu_seconds": found.cpu_seconds,
+        "wall_seconds": found.wall_seconds,
+        "tuning_seconds": found.tuning_seconds,
+        "settings": {key: str(value) for key, value in found.settings.items()},
+        "load": load(),
+        "curve": curve[:: max(1, len(curve) // MOST_POINTS)] + curve[-1:],
+    }
+
+
+def write(result: Mapping[str, Any], out: Path) -> None:
+    """Write the JSON, and the page of the tables made of its rows."""
+    part = result["parts"][PART]
+    rows = part["tables"]["rows"]
+    part["tables"] = {"rows": rows, **plain(tables_of(rows), digits=5)}
+    write_json(out / "emission.json", result, indent=1)
+    lines = ["# Error against run time"]
+    for name, table in part["tables"].items():
+        if name != "rows":
+            lines += ["", f"**{name.replace('_', ' ')}**", "", markdown(table)]
+    with atomic_path(out / "emission.md") as temporary:
+        temporary.write_text("\n".join(lines) + "\n", "utf-8")
+
+
+@once
+def _warm(method: str) -> None:
+    """Load libraries and kernels, once a process and method: seconds are without."""
+    warm_up()
+    tiny = seen(SCENES[QUICK[0]], None, TINY_GRID)
+    if METHODS[method].is_ours:
+        ours(method, tiny, iterations=1)
+    elif method.startswith("rtk"):
+        METHODS[method].run(tiny)
+
+
+def _fresh(size: str) -> dict[str, Any]:
+    """Return the result of no row yet."""
+    command = "python tools/emission.py" + ("" if size == "full" else f" --{size}")
+    part = {"load_at_start": load(), "command": command}
+    result = fresh_run("emission", VERSION, Request(size)) | {"curves": {}}
+    return result | {"parts": {PART: part | {"tables": {"rows": []}}}}
+
+
+def _rows(result: Mapping[str, Any]) -> list[dict[str, Any]]:
+    return result["parts"][PART]["tables"]["rows"]
