@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.common import results
 from studies.emission import archive, learned, methods, scenes, study, toolkit
 from studies.emission.course import PATIENCE, Course, best_of, falling
 from typer.testing import CliRunner
@@ -133,6 +134,7 @@ def test_the_command_goes_on_with_rows_that_are_missing(tmp_path, monkeypatch, q
 
     monkeypatch.setattr(study, "at_work", in_this_process)
     monkeypatch.setattr(study, "warm_up", lambda: None)
+    monkeypatch.setattr(results, "origin", lambda: {"commit": "1234567", "default": {}})
 
     def run(*arguments):
         app = command_line(study.run, "emission")
