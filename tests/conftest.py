@@ -40,8 +40,8 @@ def one_ray_a_pixel():
     """Draw scenes without smoothed edges: these take most of a small run's time."""
     from tomo.draw import raycast, still
 
-    def coarse(scene, viewpoint, supersample, *ground):
-        return raycast.render(scene, viewpoint, 1, *ground)
+    def coarse(scene, viewpoint, **options):
+        return raycast.render(scene, viewpoint, 1, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(still, "render", coarse)

@@ -14,7 +14,7 @@ import csv
 import matplotlib.pyplot as plt
 
 import rigs
-from tomo.draw.rig import write_rig
+from tomo.draw import visualize_rig
 
 TABLE = """\
 name,      x,   y,    z, look_x, look_y, look_z, focal_mm, pitch_um, width, height
@@ -43,7 +43,8 @@ cut = [one.name for one in rig if not one.inside(one.project(flame.corners())[0]
 print(f"a pixel is {pixels.min():.3f} to {pixels.max():.3f} mm wide at the flame")
 print(f"cameras that see a part of the volume only: {', '.join(cut) or 'none'}")
 
-write_rig("rig.png", rig, title="Does every camera stand and look where you think it does?")
+words = "Does every camera stand and look where you think it does?"
+visualize_rig("rig.png", rig, title=words)
 plt.figure(figsize=(11, 6)).add_axes((0, 0, 1, 1), frameon=False, xticks=[], yticks=[])
 plt.imshow(plt.imread("rig.png"))
 plt.show()

@@ -28,8 +28,7 @@ from tomo.cli.outputs import check_output_pictures
 if TYPE_CHECKING:
     from rigs import Rig
     from rigs.check.compare import RigDifference
-    from tomo.draw.volume.given import Volume
-    from tomo.grid import VoxelGrid
+    from tomo.grid import Volume, VoxelGrid
 
 EXAMPLES = """
 flametomo visualize-rig rig.yaml -o rig.html -o rig.png
@@ -158,7 +157,7 @@ def _volume(
     if volume is None:
         asked = grid or spacing or center
         return None, parse_grid(grid, spacing, center, default=default) if asked else default
-    from tomo.draw.volume.given import Volume
+    from tomo.grid import Volume
 
     is_bare = volume.suffix.lower() == ".npy"
     if grid or (not is_bare and (spacing or center)):

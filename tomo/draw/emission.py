@@ -15,12 +15,16 @@ from tomo.draw.frame import Up
 from tomo.draw.scene import ColourScale
 from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
-from tomo.grid import VoxelGrid
+from tomo.draw.volume.isosurface import coarsened, finite
+from tomo.grid import Volume, VoxelGrid
 
 COLOURS = "inferno"
 EYE = (28.0, 12.0)
 """Azimuth and elevation in degrees from which a volume alone is seen: nearly level, as a camera
 beside a flame."""
+
+_SMALL, _ENOUGH_VOXELS = (64, 64), 100_000
+"""Pixels and voxels of the pictures that find the brightest integral."""
 
 _FINE_PIXELS, _MOST_VOXELS = 3.0, 16_000_000
 """Pixels that a voxel may be wide before it is divided, unless there were more voxels then: wider
@@ -65,7 +69,7 @@ LIGHT = Looks()
 """Light in the usual colours."""
 
 
-def emission_image(data: NDArray, grid: VoxelGrid, viewpoint: Viewpoint) -> NDArray[np.float32]:
+def emission_image(volume: Volume, viewpoint: Viewpoint) -> NDArray[np.float32]:
     """Return the volume's line integrals through the middles of a picture's pixels.
 
     Emission is linear between the centres of voxels. The projection operator without a stored
@@ -73,9 +77,8 @@ def emission_image(data: NDArray, grid: VoxelGrid, viewpoint: Viewpoint) -> NDAr
 
     Parameters
     ----------
-    data : (nx, ny, nz)
+    volume : Volume
         Values at the voxels' centres; 0 where not finite.
-    grid : VoxelGrid
     viewpoint : Viewpoint
 
     Returns
@@ -88,7 +91,7 @@ def emission_image(data: NDArray, grid: VoxelGrid, viewpoint: Viewpoint) -> NDAr
     from tomo.operators import LinearSystem
     from tomo.operators.system import VolumeNotSeenError
 
-    data = np.nan_to_num(np.asarray(data, np.float32), nan=0.0, posinf=0.0, neginf=0.0)
+    grid, data = volume.grid, np.asarray(finite(volume))
     wide = max(grid.spacing) / viewpoint.pixel_at(grid.center)
     most = (_MOST_VOXELS / grid.size) ** (1 / 3)
     times = int(min(max(math.ceil(wide / _FINE_PIXELS), 1), max(most, 1), 8))
@@ -109,16 +112,18 @@ def emission_image(data: NDArray, grid: VoxelGrid, viewpoint: Viewpoint) -> NDAr
     return image
 
 
-def brightest_integral(data: NDArray, grid: VoxelGrid, up: Up) -> float:
-    """Return the end of the colours of line integrals: a round number above those seen level.
+def brightest_integral(volume: Volume, up: Up) -> float:
+    """Return the end of the colours of line integrals: a round number at or above the brightest.
 
-    Seen along the upward axis a flame is brighter than that, and its middle has the last colour.
+    It is the brightest of those that are seen while the volume turns about the upward axis, see
+    `eye_of`. Along a flat volume an eye looks through more, and sees the last colour there.
     """
-    sums = [
-        np.nansum(data, axis=axis, dtype=np.float64).max() * grid.spacing[axis]
-        for axis in up.level
-    ]
-    return end_of_scale(float(max(0.0, *sums)))
+    small = coarsened(finite(volume), _ENOUGH_VOXELS)
+    images = (
+        emission_image(small, eye_of(volume.grid, _SMALL, EYE[0] + turn, up))
+        for turn in range(0, 180, 45)
+    )
+    return end_of_scale(max(float(image.max()) for image in images))
 
 
 def end_of_scale(most: float) -> float:
@@ -179,8 +184,7 @@ def eye_of(
 
 
 def turning_gif(
-    data: NDArray,
-    grid: VoxelGrid,
+    volume: Volume,
     *,
     up: Up | None = None,
     colours: str = COLOURS,
@@ -192,8 +196,7 @@ def turning_gif(
 
     Parameters
     ----------
-    data : (nx, ny, nz)
-    grid : VoxelGrid
+    volume : Volume
     up : Up, optional
     colours : str
         A colour map of matplotlib; its first colour is the ground.
@@ -204,14 +207,14 @@ def turning_gif(
     """
     from PIL import Image
 
-    up = up or Up()
+    up, grid = up or Up(), volume.grid
     first, second = up.level
     wide = np.hypot(*grid.extent[[first, second]])
     width = int(np.clip(round(height * wide / grid.extent[up.axis]), height // 4, 2 * height))
     scale = ColourScale("", 0.0, 1.0, colours)
     palette = np.round(255 * scale(np.linspace(0, 1, 256))).astype(np.uint8)
     images = [
-        emission_image(data, grid, eye_of(grid, (width, height), azimuth, up))
+        emission_image(volume, eye_of(grid, (width, height), azimuth, up))
         for azimuth in EYE[0] + np.arange(frames) * 360 / frames
     ]
     brightest = max(float(image.max()) for image in images) or 1.0

@@ -44,6 +44,10 @@ class Up:
         return direction
 
 
+UP = Up()
+"""Upward along y, where nothing says otherwise."""
+
+
 @dataclass(frozen=True, eq=False)
 class Axis:
     """One edge with ticks: the ticks' positions, their texts, and the direction of the texts."""

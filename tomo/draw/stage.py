@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import base64
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from functools import reduce
+from functools import cached_property, reduce
 from typing import Any
 
 import numpy as np
@@ -15,15 +15,15 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.draw.emission import EYE, LIGHT, Looks, brightest_integral, emission_image, of_integral
 from tomo.draw.figures import raised, with_unit
 from tomo.draw.frame import EYE as RIG_EYE
-from tomo.draw.frame import Up
+from tomo.draw.frame import UP, Up
 from tomo.draw.page import embedded, script_safe, small_png
 from tomo.draw.painter import painted
 from tomo.draw.scene import ColourScale, Label, Mesh, Scene, css
 from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
-from tomo.draw.volume.isosurface import LEVELS, coarsened, reference_value
+from tomo.draw.volume.isosurface import LEVELS, coarsened, finite, reference_value
 from tomo.draw.volume.maps import MAP
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 RAYS, RAY_COLOUR = "clicked rays", "#ff5fc4"
 """The layer of the rays of pixels that the reader clicked."""
@@ -50,30 +50,46 @@ class Shown:
 
     Attributes
     ----------
-    frames : sequence of (nx, ny, nz)
-    grid : VoxelGrid
-    value_unit : str
-        Empty if unknown.
+    frames : sequence of Volume
+        On one grid.
     moments : sequence of (label, position)
         For each frame of a film; the position along the time axis is 0 to 1.
     looks : Looks
         What is shown at first.
+    up : Up
+        Which axis points upward.
     whole : VoxelGrid, optional
         The grid of the volumes before they were made coarser.
+    scale : (float, float), optional
+        The largest value, and the brightest integral, where there are more frames than these.
     """
 
-    frames: Sequence[NDArray]
-    grid: VoxelGrid
-    value_unit: str = ""
+    frames: Sequence[Volume]
     moments: Sequence[tuple[str, float]] = ()
     looks: Looks = LIGHT
+    up: Up = UP
     whole: VoxelGrid | None = None
+    scale: tuple[float, float] | None = None
+
+    @property
+    def grid(self) -> VoxelGrid:
+        """The grid of the frames."""
+        return self.frames[0].grid
+
+    @cached_property
+    def small(self) -> list[Volume]:
+        """The frames, coarse enough that all of them fit into a page."""
+        return [fitting(one, len(self.frames)) for one in self.frames]
+
+    @cached_property
+    def ends(self) -> tuple[float, float]:
+        """The largest value and the brightest integral: the ends of both colour scales."""
+        return self.scale or scale_of(self.small, self.up)
 
 
-def fitting(volume: NDArray, grid: VoxelGrid, count: int = 1) -> tuple[NDArray, VoxelGrid]:
+def fitting(volume: Volume, count: int = 1) -> Volume:
     """Return a volume coarse enough that ``count`` of them fit into a page; no NaN is left."""
-    clean = np.nan_to_num(volume, nan=0.0, posinf=0.0, neginf=0.0)
-    return coarsened(clean, grid, max(MOST_VOXELS // count, 1))
+    return coarsened(finite(volume), max(MOST_VOXELS // count, 1))
 
 
 def stage(
@@ -94,7 +110,7 @@ def stage(
     ----------
     scene : Scene
     up : Up, optional
-        Which axis points upward.
+        Which axis points upward; that of ``shown`` when None.
     grid : VoxelGrid, optional
         Adds buttons that show the whole scene or the box alone, where there is more.
     shown : Shown, optional
@@ -109,7 +125,7 @@ def stage(
     note : str
         Stands below the controls.
     """
-    up, scene = up or Up(), scene.on_black()
+    up, scene = up or (shown.up if shown else UP), scene.on_black()
     if shown is not None:
         grid = shown.grid
     bounds = np.stack([grid.lower, grid.upper]) if grid is not None and shown else scene.bounds
@@ -120,7 +136,7 @@ def stage(
     zooms = _zooms(bounds - origin, grid, "cameras" in scene.groups)
     lone = "cameras" not in scene.groups
     azimuth, elevation = EYE if lone else RIG_EYE
-    volume, coarser = _volume(shown, origin, scene.length_unit, up) if shown else (None, "")
+    volume, coarser = _volume(shown, origin, scene.length_unit) if shown else (None, "")
     layers = _layers(scene, visible, shown, rays)
     data = {
         "meshes": [part for group in scene.groups for part in _meshes(scene, group, origin)],
@@ -154,13 +170,10 @@ def stage(
     return {"data": script_safe(json.dumps(data)), "still": embedded(small_png(picture))}
 
 
-def _volume(shown: Shown, origin: NDArray, unit: str, up: Up) -> tuple[dict[str, Any], str]:
+def _volume(shown: Shown, origin: NDArray, unit: str) -> tuple[dict[str, Any], str]:
     """Return the frames as bytes on one scale, and words on what was made coarser or cut."""
-    small = [fitting(one, shown.grid, len(shown.frames)) for one in shown.frames]
-    whole, grid = shown.whole or shown.grid, small[0][1]
-    highest = max(reference_value(frame) for frame, _ in small) or 1.0
-    full = max(brightest_integral(frame, grid, up) for frame, _ in small)
-    words = ""
+    whole, grid, (highest, full) = shown.whole or shown.grid, shown.small[0].grid, shown.ends
+    value_unit, words = shown.frames[0].value_unit, ""
     if grid != whole:
         fine, shape = (" x ".join(map(str, one.shape)) for one in (whole, grid))
         words = f"Shown on {shape} voxels, means of blocks of the volume's {fine}."
@@ -168,18 +181,27 @@ def _volume(shown: Shown, origin: NDArray, unit: str, up: Up) -> tuple[dict[str,
         "shape": grid.shape,
         "lower": (grid.lower - origin).tolist(),
         "extent": grid.extent.tolist(),
-        "frames": [
-            _base64(np.clip(np.round(frame * (255 / highest)), 0, 255).astype(np.uint8))
-            for frame, _ in small
-        ],
+        "frames": [_base64(in_steps(frame, highest)) for frame in shown.small],
         "highest": highest,
         "full": full,
         "levels": shown.looks.levels or LEVELS[1:2],
         "colours": _palette(shown.looks.colours),
-        "unit": raised(shown.value_unit),
-        "quantity": with_unit("emission", shown.value_unit),
-        "integral_unit": of_integral(shown.value_unit, unit),
+        "unit": raised(value_unit),
+        "quantity": with_unit("emission", value_unit),
+        "integral_unit": of_integral(value_unit, unit),
     }, words
+
+
+def scale_of(frames: Iterable[Volume], up: Up) -> tuple[float, float]:
+    """Return the largest value of volumes, 1 where they are dark, and the brightest integral."""
+    found = [(reference_value(frame), brightest_integral(frame, up)) for frame in frames]
+    highest, full = np.max(found, axis=0).tolist()
+    return highest or 1.0, full
+
+
+def in_steps(frame: NDArray, highest: float) -> NDArray[np.uint8]:
+    """Return a volume as a page holds it: 255 steps from zero to the largest value."""
+    return np.clip(np.round(frame * (255 / highest)), 0, 255).astype(np.uint8)
 
 
 def _layers(
@@ -265,10 +287,8 @@ def _still(
     )
     picture = painted(scene, viewpoint)
     if shown is not None:
-        data, grid = fitting(shown.frames[0], shown.grid)
-        scale = ColourScale("", 0.0, brightest_integral(data, grid, up), shown.looks.colours)
-        light = scale(emission_image(data, grid, viewpoint)).astype(np.float32)
-        picture = picture + light
+        scale = ColourScale("", 0.0, shown.ends[1], shown.looks.colours)
+        picture = picture + scale(emission_image(shown.small[0], viewpoint)).astype(np.float32)
     return np.clip(255 * picture, 0, 255).astype(np.uint8)
 
 

@@ -14,7 +14,7 @@ from tomo.draw.labels import LabelPlacer
 from tomo.draw.raycast import render
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.viewpoint import Viewpoint
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -38,7 +38,6 @@ def show_scene(
     viewpoint: Viewpoint,
     bounds: NDArray,
     up: frame.Up,
-    supersample: int,
     light: NDArray | None = None,
 ) -> LabelPlacer:
     """Draw the scene with its axes round ``bounds`` and write their numbers.
@@ -51,9 +50,9 @@ def show_scene(
     lines = frame.ON_WHITE if on_white else frame.ON_BLACK
     edges = frame.frame_scene(bounds, around, viewpoint, up, lines)
     if light is None:
-        picture = render(scene + edges, viewpoint, supersample)
+        picture = render(scene + edges, viewpoint)
     else:
-        picture = render(scene.on_black() + edges, viewpoint, supersample, (0.0, 0.0, 0.0)) + light
+        picture = render(scene.on_black() + edges, viewpoint, ground=(0.0, 0.0, 0.0)) + light
     axes.imshow(np.clip(picture, 0, 1), interpolation="none")
     width, height = viewpoint.size
     axes.set_xlim(-0.5, width - 0.5)
@@ -89,15 +88,12 @@ def show_scene(
 
 def show_light(
     axes: Axes,
-    data: NDArray,
-    grid: VoxelGrid,
+    volume: Volume,
     scene: Scene,
     viewpoint: Viewpoint,
     bounds: NDArray,
     *,
     up: frame.Up,
-    supersample: int = 3,
-    value_unit: str = "",
     looks: Looks = LIGHT,
     full: float | None = None,
 ) -> LabelPlacer:
@@ -109,16 +105,18 @@ def show_light(
     if looks.levels:
         from tomo.draw.volume.isosurface import isosurface_scene
 
-        scene = isosurface_scene(data, grid, scene.length_unit, looks.levels) + scene
+        scene = isosurface_scene(volume, looks.levels) + scene
         words = ", ".join(f"{100 * level:g}" for level in looks.levels)
         axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
                   va="top", transform=axes.transAxes)  # fmt: skip
-        return show_scene(axes, scene, viewpoint, bounds, up, supersample)
-    integrals = emission_image(data, grid, viewpoint)
+        return show_scene(axes, scene, viewpoint, bounds, up)
+    integrals = emission_image(volume, viewpoint)
     full = full or end_of_scale(float(integrals.max()))
-    scale = ColourScale(of_integral(value_unit, scene.length_unit), 0.0, full, looks.colours)
+    scale = ColourScale(
+        of_integral(volume.value_unit, volume.length_unit), 0.0, full, looks.colours
+    )
     light = scale(integrals)
-    placer = show_scene(axes, scene, viewpoint, bounds, up, supersample, light)
+    placer = show_scene(axes, scene, viewpoint, bounds, up, light)
     dpi = axes.figure.dpi
     tall = 0.3 * viewpoint.size[1]
     bar = axes.inset_axes((0.1 * dpi, 0.34 * dpi, 0.09 * dpi, tall), transform=axes.transData)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -67,13 +67,20 @@ def write_html(
         Further arguments of `stage`.
     """
     box = None if grid is None else [grid.lower.tolist(), grid.upper.tolist()]
-    text = render(
-        "scene.html",
-        title=title or "Scene",
-        stage=stage(scene.without(*leave_out), grid=grid, rays=bool(views), **shown),
-        tables=tables,
-        has_views=bool(views),
-        views=script_safe(json.dumps({"views": [view.data() for view in views], "box": box})),
-    )
+    seen = json.dumps({"views": [view.data() for view in views], "box": box}) if views else ""
+    one = stage(scene.without(*leave_out), grid=grid, rays=bool(views), **shown)
+    write_page(path, one, title=title, tables=tables, views=script_safe(seen))
+
+
+def write_page(
+    path: str | os.PathLike,
+    stage: Mapping[str, Any],
+    *,
+    title: str = "",
+    tables: Sequence[Table] = (),
+    views: str = "",
+) -> None:
+    """Write the page of a `stage`; ``views`` is the JSON of the panel of cameras, if any."""
+    text = render("scene.html", title=title or "Scene", stage=stage, tables=tables, views=views)
     with atomic_path(path) as temporary:
         temporary.write_text(text, encoding="utf-8")

@@ -8,7 +8,7 @@ from pathlib import Path
 from rigs.files import atomic_path
 from tomo.draw.emission import brightest_integral
 from tomo.draw.film.film_picture import FilmPicture
-from tomo.draw.frame import Up
+from tomo.draw.frame import UP
 from tomo.export.frames import Frames
 
 RATE = 25
@@ -23,15 +23,8 @@ def write_film(frames: Frames, target: Path) -> None:
     import av
 
     store = frames.store
-    up = Up()
-    full = max(brightest_integral(one, store.grid, up) for one in frames.volumes("scale: "))
-    picture = FilmPicture(
-        store.grid,
-        full,
-        store.attributes["length_unit"],
-        store.attributes["value_unit"],
-        store.path.stem,
-    )
+    full = max(brightest_integral(one, UP) for one in frames.volumes("scale: "))
+    picture = FilmPicture(store.volume(frames.places[0]), full, store.path.stem)
     unit = store.attributes["time_unit"]
     with atomic_path(target) as temporary, av.open(str(temporary), "w", format="mp4") as film:
         stream = None

@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.grid import Volume
 from tomo.operators.system import Progress
 from tomo.series.store import SeriesStore
-
-if TYPE_CHECKING:
-    pass
 
 LARGEST_CHUNK = 1 << 30
 """Bytes of a chunk of a file, at the most: HDF5 takes 4 GiB, readers hold a few in memory."""
@@ -54,7 +51,7 @@ class Frames:
         """Return their part of an array of the store."""
         return self.store.values(name)[list(self.places)]
 
-    def volumes(self, words: str = "") -> Iterator[NDArray[np.float32]]:
+    def volumes(self, words: str = "") -> Iterator[Volume]:
         """Yield their volumes ``(nx, ny, nz)``, one after the other."""
         for done, place in enumerate(self.places):
             if self.progress:

@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "outcome_files": ["write_outcome"],
         "report": ["write_report"],
         "series_outcome": ["series_report", "write_series_outcome"],
-        "content": ["Convergence", "Results"],
         "pictures": ["Picture", "draw", "write_pictures"],
     },
 )

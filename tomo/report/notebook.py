@@ -12,7 +12,7 @@ from tomo.draw.page import embedded
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.peak import peak_in_words, with_unit
 from tomo.report.facts import number_text
-from tomo.report.uncertainty_figure import draw_deviations
+from tomo.report.result_figures import draw_deviations
 
 _DPI = 90  # of the picture: a hundred kilobytes at most
 _COLOURS = {"green": "#1a6b2d", "amber": "#8a5000", "red": "#a1201a"}
@@ -21,14 +21,7 @@ _COLOURS = {"green": "#1a6b2d", "amber": "#8a5000", "red": "#a1201a"}
 def reconstruction_html(outcome: Reconstruction) -> str:
     """Return what a notebook shows of a reconstruction; it loads nothing."""
     found, report = outcome.solution, outcome.report()
-    figure = draw_deviations(
-        outcome.volume,
-        outcome.half_width,
-        found.grid,
-        length_unit=outcome.rig.length_unit,
-        value_unit=outcome.value_unit,
-        title="Half-width of the 90 % interval",
-    )
+    figure = draw_deviations(outcome.volume, outcome.half_width, "Half-width of the 90 % interval")
     figure.set_dpi(_DPI)
     picture = (
         f'<img alt="Middle planes of the volume" src="{embedded(png_bytes(figure))}" '

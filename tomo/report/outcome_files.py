@@ -9,16 +9,20 @@ from typing import Any
 
 from rigs import save_rig
 from rigs.files import whole_folder
-from tomo.draw import visualize_rig, visualize_volume
-from tomo.draw.volume.given import Volume
+from tomo.draw.frame import UP
+from tomo.draw.rig.rig_scene import up_of
+from tomo.draw.rig.targets import target_scene
+from tomo.draw.rig.visualize import RigPage
+from tomo.draw.scene import Scene
+from tomo.draw.stage import Shown, stage
+from tomo.draw.write_html import write_page
 from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.stage import as_warning
 from tomo.report.about import About
-from tomo.report.content import Convergence, Results
 from tomo.report.pictures import draw, write_pictures
 from tomo.report.report import write_report
-from tomo.solvers import Solution
+from tomo.report.result_figures import seen_volume
 
 PICTURES = (
     "rig",
@@ -65,8 +69,7 @@ def write_outcome(
     pictures that could not be drawn. No picture is drawn where ``with_pictures`` is False, and the
     page has none. The page names the ``command`` that was given.
     """
-    found, report = outcome.solution, outcome.report()
-    length, unit = outcome.rig.length_unit, outcome.value_unit
+    report, volume = outcome.report(), outcome.volume
     others = (
         RIG_FILE,
         FLAME,
@@ -76,26 +79,24 @@ def write_outcome(
         *(f"{name}.png" for name in PICTURES),
     )
     with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
-        for name in VOLUME_FILES:
-            path = staging / name
-            volume = outcome.volume
-            write_volume(path, volume, found.grid, length, value_unit=unit, allow_nan=True)
-        results = results_of(outcome)
-        for names, volume in (
-            (DEVIATION_FILES, results.deviation),
-            (INTERVAL_FILES, results.half_width),
+        for names, values in (
+            (VOLUME_FILES, volume),
+            (DEVIATION_FILES, outcome.standard_deviation),
+            (INTERVAL_FILES, outcome.half_width),
         ):
-            for name in names if volume is not None else ():
-                path = staging / name
-                write_volume(path, volume, found.grid, length, value_unit=unit)
-        pictures = draw(results, report["warnings"]) if with_pictures else ()
+            for name in names if values is not None else ():
+                path, units = staging / name, (volume.length_unit, volume.value_unit)
+                write_volume(path, values, volume.grid, units[0], value_unit=units[1],
+                             allow_nan=values is volume)  # fmt: skip
+        pictures = draw(outcome, report["warnings"]) if with_pictures else ()
         write_pictures(staging, pictures)
+        turned = None
         if with_pictures:
             with as_warning("flame.html, rig.html: not drawn", report["warnings"]):
-                _write_pages(staging, results)
+                turned = _write_pages(staging, outcome)
         files = sorted([*(path.name for path in staging.iterdir()), FIGURES])
         about = About(Path(folder), command, files)
-        write_report(staging / PAGE, report, results, pictures, about)
+        write_report(staging / PAGE, report, outcome, pictures, about, turned)
         if outcome.refined_rig is not None:
             save_rig(outcome.refined_rig, staging / RIG_FILE)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"
@@ -103,42 +104,14 @@ def write_outcome(
     return report
 
 
-def _write_pages(folder: Path, results: Results) -> None:
-    """Write the pages that show the volume, and the rig around it."""
-    unit = results.rig.length_unit
-    volume = Volume(results.volume, results.grid, unit, results.value_unit)
-    visualize_volume(folder / FLAME, volume, title="Reconstructed volume")
-    if len(results.rig):
-        visualize_rig(
-            folder / RIG, results.rig, volume=volume, coverage=False, title="Cameras and volume"
-        )
-
-
-def results_of(outcome: Reconstruction) -> Results:
-    """Return what the figures show of a whole reconstruction."""
-    found = outcome.solution
-    return Results(
-        rig=outcome.rig,
-        grid=found.grid,
-        volume=found.volume,
-        views=outcome.views,
-        history=[_convergence(one) for one in (found, *outcome.comparisons)],
-        truth=outcome.truth,
-        comparisons=[(other.settings["method"], other.volume) for other in outcome.comparisons],
-        method=found.settings["method"],
-        learned=outcome.learned,
-        value_unit=outcome.value_unit,
-        deviation=outcome.standard_deviation,
-        half_width=outcome.half_width,
-    )
-
-
-def _convergence(found: Solution) -> Convergence:
-    distances = [entry.distance for entry in found.history]
-    return Convergence(
-        label=found.settings["method"],
-        iterations=[entry.index for entry in found.history],
-        relative_residual=[entry.relative_residual for entry in found.history],
-        seconds=[entry.seconds for entry in found.history],
-        cosine_distance=None if None in distances else distances,
-    )
+def _write_pages(folder: Path, outcome: Reconstruction) -> dict[str, Any]:
+    """Write the pages that show the volume, and the rig around it; return the volume's stage."""
+    rig = outcome.rig
+    up = up_of(rig) if len(rig) else UP
+    shown = Shown((seen_volume(outcome),), up=up)
+    turned = stage(Scene(length_unit=rig.length_unit), shown=shown, turning=True)
+    write_page(folder / FLAME, turned, title="Reconstructed volume")
+    if len(rig):
+        page = RigPage(rig, shown.grid, title="Cameras and volume")
+        page.write(folder / RIG, target_scene(rig), shown)
+    return turned

@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, cast
 
 from rigs.files import atomic_path
-from tomo.draw.figures import png_bytes
+from tomo.draw.figures import png_bytes, raised
+from tomo.pipeline import Reconstruction
 from tomo.pipeline.stage import as_warning
-from tomo.report.content import Results
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -43,7 +43,7 @@ class Picture:
         return f"<Picture {self.name!r}: {len(self.png)} bytes>"
 
 
-def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, ...]:
+def draw(outcome: Reconstruction, warnings: list[str] | None = None) -> tuple[Picture, ...]:
     """Return the figures; those that there is nothing for are left out.
 
     Rig, volume, convergence, difference, learned weights, intervals and deviations. Of one
@@ -51,7 +51,7 @@ def draw(results: Results, warnings: list[str] | None = None) -> tuple[Picture, 
     it raises where these are None.
     """
     pictures = []
-    for wanted, name, make, caption, alt in _recipes(results):
+    for wanted, name, make, caption, alt in _recipes(outcome):
         if wanted:
             step = f"picture {name}: not drawn"
             with nullcontext() if warnings is None else as_warning(step, warnings):
@@ -70,24 +70,23 @@ def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> li
     return paths
 
 
-def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], str, str]]:
+def _recipes(outcome: Reconstruction) -> list[tuple[bool, str, Callable[[], Figure], str, str]]:
     """Return for each picture if it is wanted, its name, what draws it, and its words."""
     from tomo.draw.rig import draw_rig
     from tomo.draw.volume import draw_volume
-    from tomo.report import result_figures
-    from tomo.report.uncertainty_figure import draw_deviations
-    from tomo.report.weights_figure import draw_learned
+    from tomo.report import result_figures as figures
 
-    rig, grid, unit = results.rig, results.grid, results.rig.length_unit
-    units = {"length_unit": unit, "value_unit": results.value_unit}
-    learned, truth = results.learned, results.truth
+    volume, rig, truth = figures.seen_volume(outcome), outcome.rig, outcome.truth
+    history = (outcome.solution, *outcome.comparisons)
+    has_distance = any(one.distance is not None for course in history for one in course.history)
+    in_units = f" in {raised(outcome.value_unit)}" if outcome.value_unit else ""
+    learned = cast("LearnedWeights", outcome.learned)
+    intervals = "Half-width of the 90 % interval"
     return [
         (
             len(rig) > 0,
             "rig",
-            lambda: draw_rig(
-                rig, grid, results.volume, "Cameras and volume", value_unit=results.value_unit
-            ),
+            lambda: draw_rig(rig, volume=volume, title="Cameras and volume"),
             "The cameras at true scale, and the volume close up. Colours tell whether a camera "
             "stands above, level with or below the volume; the arrows show where each looks.",
             f"Perspective drawing of {len(rig)} cameras around the reconstructed volume.",
@@ -95,31 +94,31 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
         (
             True,
             "flame",
-            lambda: draw_volume(results.volume, grid, **units, title="Reconstruction"),
-            f"The reconstructed emission{_in_units(results)}: its light as a camera sees it, and "
+            lambda: draw_volume(volume, title="Reconstruction"),
+            f"The reconstructed emission{in_units}: its light as a camera sees it, and "
             "planes through the middle of the volume.",
             "The light of the reconstructed volume, and three slices.",
         ),
         (
-            any(len(course.iterations) for course in results.history),
+            any(course.history for course in history),
             "convergence",
-            lambda: result_figures.draw_convergence(results.history),
+            lambda: figures.draw_convergence(history),
             "How far the re-projected images are from the measured ones after each iteration"
-            + (", and how far the volume is from the truth." if _has_cosine(results) else "."),
+            + (", and how far the volume is from the truth." if has_distance else "."),
             "Line plots of relative residual against iteration and against time.",
         ),
         (
-            truth is not None or bool(results.comparisons),
+            truth is not None or bool(outcome.comparisons),
             "difference",
-            lambda: result_figures.draw_difference(results),
-            "Volumes beside each other on one colour scale"
-            + ("." if truth is None else ", with their differences from the truth below."),
-            "Middle planes of every volume, side by side on one colour scale.",
+            lambda: figures.draw_difference(outcome),
+            "Every volume on one colour scale"
+            + ("." if truth is None else ", and beside it its difference from the truth."),
+            "Middle planes of every volume, on one colour scale.",
         ),
         (
             learned is not None,
             "learned",
-            lambda: draw_learned(cast("LearnedWeights", learned), unit),
+            lambda: figures.draw_learned(learned, rig.length_unit),
             "Learned weights over segment lengths: means over the emission (grey: where it is) by "
             "depth in the grid as seen from the camera, upstream emission, and angle off the "
             "image's middle; and the relative residual of pixels left out, by segment lengths "
@@ -128,36 +127,20 @@ def _recipes(results: Results) -> list[tuple[bool, str, Callable[[], Figure], st
             "bars of left-out pixels' residuals.",
         ),
         (
-            results.half_width is not None,
+            outcome.half_width is not None,
             "intervals",
-            lambda: draw_deviations(
-                results.volume,
-                results.half_width,
-                grid,
-                **units,
-                title="Half-width of the 90 % interval",
-            ),
+            lambda: figures.draw_deviations(volume, outcome.half_width, intervals),
             "Planes through the middle of the volume, and of the half-width of each voxel's 90 % "
             "interval, noise and structure together. Each has its own scale: where the number on "
             "the right comes near that on the left, the value is a guess.",
             "Middle planes of the emission and of the half-width of its 90 % intervals.",
         ),
         (
-            results.deviation is not None,
+            outcome.standard_deviation is not None,
             "condition",
-            lambda: draw_deviations(results.volume, results.deviation, grid, **units),
+            lambda: figures.draw_deviations(volume, outcome.standard_deviation),
             "Planes through the middle of the volume, and of the standard deviation that noise "
             "leaves in each voxel, each on its own scale.",
             "Middle planes of the emission and of its standard deviation side by side.",
         ),
     ]
-
-
-def _in_units(results: Results) -> str:
-    """Return words for the unit of the values, where it is known."""
-    return f" in {results.value_unit}" if results.value_unit else ""
-
-
-def _has_cosine(results: Results) -> bool:
-    """Tell if any method's distance from the truth is known."""
-    return any(course.cosine_distance is not None for course in results.history)

@@ -8,18 +8,16 @@ from collections.abc import Mapping, Sequence
 
 from rigs.files import atomic_path
 from tomo.draw.page import embedded, render
-from tomo.draw.rig.rig_scene import up_of
-from tomo.draw.scene import Scene
-from tomo.draw.stage import Shown, stage
 from tomo.metrics import cosine_distance, nrmse
+from tomo.pipeline import Reconstruction
 from tomo.pipeline.answer import HARMFUL
 from tomo.pipeline.peak import peak_in_words
 from tomo.pipeline.view import View
 from tomo.report.about import About, origin_rows
-from tomo.report.content import Results
 from tomo.report.facts import detail_tables, number_text, without_nulls
 from tomo.report.glossary import with_glossary
 from tomo.report.pictures import Picture, draw
+from tomo.report.result_figures import method_of
 from tomo.report.uncertainty_tables import coverage_table, trust_figures
 from tomo.report.view_pictures import view_pictures
 from tomo.report.words import advice, as_sentence, verdict_part
@@ -46,9 +44,10 @@ SHOWN_VIEWS = 6
 def write_report(
     path: str | os.PathLike,
     report: Mapping,
-    results: Results,
+    outcome: Reconstruction,
     pictures: Sequence[Picture] | None = None,
     about: About | None = None,
+    stage: Mapping | None = None,
 ) -> None:
     """Write the page: the volume, the verdict and the next steps first, then the figures.
 
@@ -58,16 +57,17 @@ def write_report(
         ``report.html``.
     report : mapping
         The contents of ``report.json``; what it lacks is left out.
-    results : Results
+    outcome : Reconstruction
         Volumes, views and histories.
     pictures : sequence of Picture, optional
-        What `draw` gave for these results; drawn here when None. With none the page shows no
-        volume either.
+        What `draw` gave for it; drawn here when None.
     about : About, optional
         Where it is written and how it came about.
+    stage : mapping, optional
+        Of the volume to be turned, see `volume_stage`; without, the page shows none.
     """
-    report, unit = without_nulls(report), results.rig.length_unit
-    pictures = draw(results) if pictures is None else pictures
+    report, unit = without_nulls(report), outcome.rig.length_unit
+    pictures = draw(outcome) if pictures is None else pictures
     shown = dict.fromkeys(_TITLES)
     for one in pictures:
         shown[one.name] = {
@@ -80,23 +80,23 @@ def write_report(
     text = render(
         "report.html",
         title="Reconstruction",
-        about=_about(report, results),
-        stage=pictures and _stage(results),
+        about=_about(report, outcome),
+        stage=stage,
         origin=origin_rows(report, about),
         files=[name for name in (about.files if about else ()) if name not in PAGES],
         pages=[(name, words) for name, words in PAGES.items() if about and name in about.files],
         view_command=about.view_command if about else "",
-        compared=view_pictures(results.views) if pictures else None,
+        compared=view_pictures(outcome.views) if pictures else None,
         verdict=verdict_part(report.get("verdict")),
         warnings=[advice(line) for line in report.get("warnings") or ()],
         answer=(report.get("answer") or {}).get("sentence"),
         pictures=shown,
         against_truth=_against_truth(report),
-        comparisons=_comparison_rows(results),
+        comparisons=_comparison_rows(outcome),
         held_out=_held_out(report),
         trust=trust_figures(report, unit),
         coverage=coverage_table(report.get("uncertainty")),
-        views=_views(report, results),
+        views=_views(report, outcome),
         shown_views=SHOWN_VIEWS,
         refinement=_refinement(report, unit),
         run=_run(report),
@@ -106,18 +106,11 @@ def write_report(
         temporary.write_text(with_glossary(text), encoding="utf-8")
 
 
-def _stage(results: Results) -> dict:
-    """Return the volume to be turned on the page."""
-    shown = Shown((results.volume,), results.grid, results.value_unit)
-    up = up_of(results.rig) if len(results.rig) else None
-    return stage(Scene(length_unit=results.rig.length_unit), up=up, shown=shown, turning=True)
-
-
-def _about(report: Mapping, results: Results) -> str:
+def _about(report: Mapping, outcome: Reconstruction) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
-    grid, unit = results.grid, results.rig.length_unit
+    grid, unit = outcome.solution.grid, outcome.rig.length_unit
     size, voxels = (" × ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
-    used = sum(view.takes_part for view in results.views) or len(results.rig)
+    used = sum(view.takes_part for view in outcome.views) or len(outcome.rig)
     frame = (report.get("scan") or {}).get("frame")
     return (
         f"Emission in {size} {unit} ({voxels} voxels) from {used} camera"
@@ -199,11 +192,11 @@ def _run(report: Mapping) -> Rows:
     return rows
 
 
-def _views(report: Mapping, results: Results) -> dict:
+def _views(report: Mapping, outcome: Reconstruction) -> dict:
     """Return the table of views: those that took no part, then the least explained ones first."""
     listed, columns = report.get("views") or {}, _columns(report)
     rows, marked = [], []
-    for number, view in enumerate(sorted(results.views, key=_order)):
+    for number, view in enumerate(sorted(outcome.views, key=_order)):
         figures = listed.get(view.name, {})
         residual = figures.get("relative_residual", view.relative_residual)
         lit = math.isfinite(residual)
@@ -242,17 +235,18 @@ def _order(view: View) -> tuple[bool, float]:
     return view.takes_part, -view.beyond_noise if math.isfinite(view.beyond_noise) else 0.0
 
 
-def _comparison_rows(results: Results) -> list[tuple[str, str, str]]:
+def _comparison_rows(outcome: Reconstruction) -> list[tuple[str, str, str]]:
     """Return cosine distance and NRMSE of every volume, where several have a truth."""
-    if results.truth is None or not results.comparisons:
+    truth = outcome.truth
+    if truth is None or not outcome.comparisons:
         return []
     return [
         (
-            label,
-            number_text(cosine_distance(volume, results.truth)),
-            number_text(nrmse(volume, results.truth)),
+            method_of(one),
+            number_text(cosine_distance(one.volume, truth)),
+            number_text(nrmse(one.volume, truth)),
         )
-        for label, volume in ((results.method, results.volume), *results.comparisons)
+        for one in (outcome.solution, *outcome.comparisons)
     ]
 
 

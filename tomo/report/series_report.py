@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from rigs.files import atomic_path
 from rigs.progress import Progress
 from tomo.draw.film.chart import COLOURS, Chart, chart
-from tomo.draw.film.player import film_of
-from tomo.draw.film.visualize import moments_of, shown_places, words_of
+from tomo.draw.film.visualize import film_of, moments_of, shown_places, words_of
 from tomo.draw.page import render
 from tomo.draw.scene import Scene
 from tomo.draw.stage import stage
@@ -50,8 +49,7 @@ def write_series_report(
     about = store.attributes
     shown = shown_places(store.complete)
     if with_film and shown:
-        moments = moments_of(table, shown, progress)
-        own = film_of(moments, len(shown), store.grid, about["value_unit"])
+        own = film_of(moments_of(table, shown, progress), len(shown))
         film = stage(Scene(length_unit=about["length_unit"]), shown=own)
     text = render(
         "series.html",

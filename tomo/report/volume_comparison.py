@@ -13,9 +13,11 @@ import numpy as np
 from rigs.files import atomic_path
 from rigs.notebook import times
 from tomo import metrics
-from tomo.draw.figures import INK, new_figure, plain, png_bytes, short_numbers, with_unit
+from tomo.draw.emission import COLOURS
+from tomo.draw.figures import png_bytes, with_unit
 from tomo.draw.page import embedded, render
-from tomo.draw.volume.planes import coordinate, middle_planes, show_plane
+from tomo.draw.scene import ColourScale
+from tomo.draw.volume.planes import Slices, draw_slices
 from tomo.grid import Volume
 from tomo.radiometry import unit_of_total
 
@@ -126,37 +128,17 @@ class VolumeComparison:
         spread = float(np.quantile(size, 0.9995) or size.max()) or 1.0  # one voxel fades no other
         both = [float(one) for v in (self.first, self.second) for one in (v.min(), v.max())]
         low, high = min(0.0, *both), max(0.0, *both) or 1.0
-        columns = (
-            (self.names[0], self.first, low, high, "inferno"),
-            (self.names[1], self.second, low, high, "inferno"),
-            ("difference", difference, -spread, spread, "RdBu_r"),
+        unit = self.first.value_unit
+        scale = ColourScale(with_unit("emission", unit), low, high, COLOURS)
+        less = ColourScale(with_unit("difference", unit), -spread, spread, "RdBu_r")
+        first, second = (name if len(name) < 24 else f"…{name[-22:]}" for name in self.names)
+        return draw_slices(
+            [
+                Slices(first, self.first, scale),
+                Slices(second, self.second, scale),
+                Slices("difference", difference, less),
+            ]
         )
-        grid = self.first.grid
-        wide = max(grid.extent[0], grid.extent[2])
-        tall = [grid.extent[upright] for upright in (1, 1, 2)]
-        inch = min(2.4 / wide, 7.0 / sum(tall))
-        figure = new_figure(3 * inch * wide + 4.0, inch * sum(tall) + 2.4)
-        figure.set_layout_engine("constrained")
-        axes = figure.subplots(3, 3, height_ratios=tall, squeeze=False)
-        for column, (name, volume, lowest, highest, colours) in zip(axes.T, columns, strict=True):
-            for one, picture in zip(column, middle_planes(np.asarray(volume), grid), strict=True):
-                image = show_plane(
-                    one, picture, self.first.length_unit,
-                    lowest=lowest, highest=highest, colours=colours,
-                )  # fmt: skip
-                _, (*_, across), extent, at = picture
-                place = f"{'xyz'[across]} = {coordinate(at, extent)}"
-                one.set_title(place, fontsize=7, color=INK)
-            heading = plain(name if len(name) < 24 else f"…{name[-22:]}")
-            column[0].set_title(f"{heading}\n{column[0].get_title()}", fontsize=8, color=INK)
-            if volume is self.first:
-                continue  # one scale with the second
-            bar = figure.colorbar(image, ax=column, fraction=0.08, aspect=40)
-            bar.ax.tick_params(labelsize=6.5)
-            short_numbers(bar.ax)
-            quantity = "difference" if volume is difference else "emission"
-            bar.set_label(plain(with_unit(quantity, self.first.value_unit)), fontsize=7.5)
-        return figure
 
     def write(self, path: str | os.PathLike) -> None:
         """Write a page that needs no other file and no network."""

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 
 from rigs import Rig, load_rig
-from tomo.draw.volume.given import Volume, volume_of
-from tomo.grid import VoxelGrid
+from tomo.draw.volume.given import volume_of
+from tomo.grid import Volume, VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
@@ -91,7 +91,7 @@ def _content_of_report(
         title,
         rig,
         volume.grid,
-        Frames(moments or (name or "volume",), lambda place: volume.data),
+        Frames(moments or (name or "volume",), lambda place: volume),
         scan,
         moments,
         volume.value_unit,

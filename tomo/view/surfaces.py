@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from tomo.draw.shapes import Triangles
 from tomo.draw.volume.isosurface import coarsened, isosurface
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 MOST_TRIANGLES = 100_000
 """Of one surface. Lower: a wrinkled flame loses wrinkles. Higher: the page turns slowly where no
@@ -37,9 +37,9 @@ def light_surface(
         World coordinates; empty where the level is nowhere reached.
     triangles : (T, 3) int64
     """
-    small, voxels = coarsened(data, grid)
-    vertices, triangles = isosurface(small, voxels, level)
-    while len(triangles) > most and min(voxels.shape) > 2:
-        small, voxels = coarsened(data, grid, voxels.size // COARSER)
-        vertices, triangles = isosurface(small, voxels, level)
+    small = coarsened(Volume(data, grid))
+    vertices, triangles = isosurface(small, small.grid, level)
+    while len(triangles) > most and min(small.shape) > 2:
+        small = coarsened(Volume(data, grid), small.size // COARSER)
+        vertices, triangles = isosurface(small, small.grid, level)
     return vertices, triangles

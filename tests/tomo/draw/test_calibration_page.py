@@ -14,7 +14,7 @@ from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.targets import Chessboard
 from tomo.draw.calibration import write_calibration_page
 from tomo.draw.calibration.calibration_figures import draw_worst, worst_images
-from tomo.draw.calibration.calibration_scene import calibration_scene
+from tomo.draw.rig.targets import calibration_targets
 from tomo.draw.figures import png_bytes
 
 BOARD = Chessboard(6, 5, 22.0)
@@ -163,7 +163,7 @@ def test_the_worst_images_are_asked_for_and_drawn(calibration):
 
 
 def test_targets_stand_in_the_scene_where_the_calibration_has_them(calibration):
-    scene = calibration_scene(calibration).only(["targets"])
+    scene = calibration_targets(calibration)
     assert len(scene.meshes) == 2 * FRAMES
     faces = [mesh for mesh in scene.meshes if mesh.opacity < 1]
     for frame, mesh in enumerate(faces):

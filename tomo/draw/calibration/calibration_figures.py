@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +17,8 @@ from tomo.draw.figures import INK, MUTED, new_figure, plain, thin_lines
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.cm import ScalarMappable
     from matplotlib.figure import Figure
+    from matplotlib.image import AxesImage
 
     from rigs.calibrate import Calibration, Observations
     from tomo.grid import VoxelGrid
@@ -32,76 +34,41 @@ _DETECTED, _PROJECTED, _CULLED = "#1f6fb2", "#c2500f", "#9a7b00"
 
 def draw_residuals(calibration: Calibration) -> Figure:
     """Return, per camera, mean residuals as arrows over their RMS, cell by cell of the image."""
-    observations = calibration.observations
-    cells = [_Cells(observations, index) for index in range(len(observations.cameras))]
-    used = calibration.used
+    observations, residuals = calibration.observations, calibration.residuals
     maps = []
-    for index, cell in enumerate(cells):
-        mine = np.flatnonzero(used & (observations.camera == index))
-        residuals = calibration.residuals[mine]
-        count = cell.sums(mine, np.ones(len(mine)))
+    for cell in _cells_of(calibration):
         with np.errstate(invalid="ignore", divide="ignore"):
             mean = np.stack(
-                [cell.sums(mine, residuals[:, k]) / count for k in range(2)], axis=-1
+                [cell.sums(residuals[cell.used, k]) / cell.counts for k in range(2)], axis=-1
             )  # (down, across, 2)
-            rms = np.sqrt(cell.sums(mine, (residuals**2).sum(axis=1)) / count)
-        maps.append((mean, rms, count))
-    highest = _quantile([rms for _, rms, _ in maps], 0.98)
-    longest = _quantile([np.linalg.norm(mean, axis=-1) for mean, _, _ in maps], 0.95)
-    figure, panels = _panels(observations)
-    shown = []
-    for axes, cell, (mean, rms, count), name in zip(
-        panels, cells, maps, observations.cameras, strict=True
-    ):
-        image = axes.imshow(
-            rms, extent=cell.extent, cmap="YlOrBr", vmin=0, vmax=highest, interpolation="nearest"
-        )
-        shown.append(image)
-        row, column = np.nonzero(count >= 3)
-        x, y = cell.middles(row, column)
+            rms = np.sqrt(cell.sums((residuals[cell.used] ** 2).sum(axis=1)) / cell.counts)
+        maps.append((cell, mean, rms))
+    highest = _quantile([rms for *_, rms in maps], 0.98)
+    longest = _quantile([np.linalg.norm(mean, axis=-1) for _, mean, _ in maps], 0.95)
+    figure, panels = _panels(len(maps), _aspect(observations))
+    for axes, (cell, mean, rms), name in zip(panels, maps, observations.cameras, strict=False):
+        image = _show(axes, cell, rms, "YlOrBr", highest, name)
+        row, column = np.nonzero(cell.counts >= 3)
+        x, y = (column + 0.5) * cell.side - 0.5, (row + 0.5) * cell.side - 0.5
         u, v = (mean[row, column] * cell.side / longest).T
-        axes.quiver(
-            x,
-            y,
-            u,
-            v,
-            angles="xy",
-            scale_units="xy",
-            scale=1.0,
-            width=0.006,
-            color=INK,
-            pivot="mid",
-        )
-        axes.set_title(plain(name), fontsize=8, color=INK, pad=3)
-    _bar(figure, shown[-1], "RMS residual in a cell (px)")
-    figure.text(
-        0.99, 0.008 * 9 / figure.get_figheight(),
-        f"an arrow as long as a cell: mean residual {longest:.2g} px",
-        fontsize=7.5, color=MUTED, ha="right", va="bottom",
-    )  # fmt: skip
+        axes.quiver(x, y, u, v, angles="xy", scale_units="xy", scale=1.0, width=0.006, color=INK,
+                    pivot="mid")  # fmt: skip
+    words = f"an arrow as long as a cell: mean residual {longest:.2g} px"
+    _bar(figure, image, f"RMS residual in a cell (px); {words}", panels)
     return figure
 
 
 def draw_coverage(calibration: Calibration) -> Figure:
     """Return the number of observations used in each cell of each camera's image."""
-    observations = calibration.observations
-    figure, panels = _panels(observations)
-    maps = []
-    for index in range(len(observations.cameras)):
-        cell = _Cells(observations, index)
-        mine = np.flatnonzero(calibration.used & (observations.camera == index))
-        maps.append((cell, cell.sums(mine, np.ones(len(mine)))))
-    highest = max(_quantile([count for _, count in maps], 0.98), 1.0)
-    shown = []
-    for axes, (cell, count), name in zip(panels, maps, observations.cameras, strict=True):
-        image = axes.imshow(
-            np.where(count > 0, count, np.nan), extent=cell.extent, cmap="GnBu", vmin=0,
-            vmax=highest, interpolation="nearest",
-        )  # fmt: skip
-        shown.append(image)
-        fraction = f"{np.mean(count > 0):.0%}"
-        axes.set_title(f"{plain(name)}: {fraction}", fontsize=8, color=INK, pad=3)
-    _bar(figure, shown[-1], "observations per cell; titles give the fraction of cells with any")
+    observations, cells = calibration.observations, _cells_of(calibration)
+    highest = max(_quantile([cell.counts for cell in cells], 0.98), 1.0)
+    figure, panels = _panels(len(cells), _aspect(observations))
+    for axes, cell, name in zip(panels, cells, observations.cameras, strict=False):
+        shown = np.where(cell.counts > 0, cell.counts, np.nan)
+        title = f"{name}: {np.mean(cell.counts > 0):.0%}"
+        image = _show(axes, cell, shown, "GnBu", highest, title)
+    words = "observations per cell; titles give the fraction of cells with any"
+    _bar(figure, image, words, panels)
     return figure
 
 
@@ -109,9 +76,8 @@ def draw_depths(calibration: Calibration, grid: VoxelGrid | None = None) -> Figu
     """Return the distances of the target from each camera, compared with the volume's."""
     observations, rig = calibration.observations, calibration.rig
     figure = new_figure(9.0, 0.7 + 0.26 * len(rig))
-    axes = figure.add_axes(
-        (0.16, 0.46 / figure.get_figheight(), 0.8, 1 - 0.75 / figure.get_figheight())
-    )
+    figure.set_layout_engine("constrained")
+    axes = figure.subplots()
     for index, camera in enumerate(map(own_camera, rig)):
         mine = np.flatnonzero(calibration.used & (observations.camera == index))
         frames = observations.frame[mine]
@@ -167,33 +133,19 @@ def draw_worst(calibration: Calibration, image_of: ImageOf, most: int = 6) -> Fi
             shown.append((camera, frame, rms, image))
     if not shown:
         return None
-    across = min(3, len(shown))
-    down = math.ceil(len(shown) / across)
-    side = 10.4 / across
-    figure = new_figure(10.4, down * (0.8 * side + 0.3) + 0.25)
-    grid = figure.subplots(down, across, squeeze=False)
-    for axes in grid.flat[len(shown) :]:
-        axes.set_visible(False)
-    for axes, (camera, frame, rms, image) in zip(grid.flat, shown, strict=False):
+    figure, panels = _panels(len(shown), 0.8, across=3)
+    for axes, (camera, frame, rms, image) in zip(panels, shown, strict=False):
         mine = (observations.camera == camera) & (observations.frame == frame)
         _overlay(axes, image, observations.uv[mine], calibration.residuals[mine],
                  calibration.used[mine])  # fmt: skip
-        axes.set_title(
-            f"{plain(observations.cameras[camera])}, {plain(observations.frames[frame])}: "
-            f"RMS {rms:.3g} px",
-            fontsize=8,
-            color=INK,
-            pad=3,
-        )
-    figure.tight_layout(pad=0.4, h_pad=1.4, rect=(0, 0.25 / figure.get_figheight(), 1, 1))
-    for k, (words, colour) in enumerate(
-        (
-            ("detected", _DETECTED),
-            ("detected, left out", _CULLED),
-            (f"projected; lines: {_MAGNIFIED} x the way there", _PROJECTED),
-        )
-    ):
-        figure.text(0.02 + 0.13 * k, 0.01, words, fontsize=8, color=colour, weight="bold")
+        words = f"{observations.cameras[camera]}, {observations.frames[frame]}: RMS {rms:.3g} px"
+        axes.set_title(plain(words), fontsize=8, color=INK, pad=3)
+    names = "detected", "detected, left out", f"projected; lines: {_MAGNIFIED} x the way there"
+    marks = [
+        axes.plot([], [], mark, markerfacecolor="none", color=colour, label=name)[0]
+        for mark, colour, name in zip("oox", (_DETECTED, _CULLED, _PROJECTED), names, strict=True)
+    ]
+    figure.legend(handles=marks, loc="outside lower left", ncols=3, fontsize=8, frameon=False)
     return figure
 
 
@@ -217,32 +169,48 @@ def _overlay(axes: Axes, image: NDArray, uv: NDArray, residuals: NDArray, used: 
         axes.plot(*line.T, color=_PROJECTED, linewidth=0.8)
     axes.set_xlim(left - 0.5, right - 0.5)
     axes.set_ylim(bottom - 0.5, top - 0.5)
-    _no_ticks(axes)
 
 
+@dataclass(frozen=True, eq=False)
 class _Cells:
-    """Square cells of one camera's image."""
+    """Square cells of one camera's image, and the observations used in them."""
 
-    def __init__(self, observations: Observations, camera: int) -> None:
-        width, height = observations.image_sizes[camera]
-        self.side = max(width, height) / _CELLS
-        self.shape = math.ceil(height / self.side - 1e-9), math.ceil(width / self.side - 1e-9)
-        self.extent = (
-            -0.5, self.shape[1] * self.side - 0.5, self.shape[0] * self.side - 0.5, -0.5
-        )  # fmt: skip
-        self._uv = observations.uv
+    size: tuple[int, int]
+    uv: NDArray[np.float64]
+    used: NDArray[np.int64]  # places among all observations
 
-    def sums(self, observations: NDArray, values: NDArray) -> NDArray[np.float64]:
-        """Return the sums of ``values`` over the observations in each cell."""
-        place = np.floor((self._uv[observations] + 0.5) / self.side).astype(int)
+    @property
+    def side(self) -> float:
+        """Pixels of a cell."""
+        return max(self.size) / _CELLS
+
+    @property
+    def shape(self) -> tuple[int, int]:
+        """Cells down and across."""
+        across, down = (math.ceil(length / self.side - 1e-9) for length in self.size)
+        return down, across
+
+    @cached_property
+    def counts(self) -> NDArray[np.float64]:
+        """Observations in each cell."""
+        return self.sums(np.ones(len(self.used)))
+
+    def sums(self, values: NDArray) -> NDArray[np.float64]:
+        """Return the sums of ``values`` of the observations over each cell."""
+        place = np.floor((self.uv[self.used] + 0.5) / self.side).astype(int)
         column, row = (np.clip(place[:, k], 0, self.shape[1 - k] - 1) for k in range(2))
         sums = np.zeros(self.shape)
         np.add.at(sums, (row, column), values)
         return sums
 
-    def middles(self, row: NDArray, column: NDArray) -> tuple[NDArray, NDArray]:
-        """Return the middles of cells in pixel coordinates."""
-        return (column + 0.5) * self.side - 0.5, (row + 0.5) * self.side - 0.5
+
+def _cells_of(calibration: Calibration) -> list[_Cells]:
+    """Return the cells of every camera."""
+    own = calibration.observations
+    return [
+        _Cells(size, own.uv, np.flatnonzero(calibration.used & (own.camera == index)))
+        for index, size in enumerate(own.image_sizes)
+    ]
 
 
 def _quantile(maps: list[NDArray], fraction: float) -> float:
@@ -251,47 +219,42 @@ def _quantile(maps: list[NDArray], fraction: float) -> float:
     return (float(np.quantile(values, fraction)) if values.size else 0.0) or 1.0
 
 
-def _panels(observations: Observations) -> tuple[Figure, list[Axes]]:
-    """Return a figure with a panel for each camera's image, row by row."""
-    count = len(observations.cameras)
-    across = min(_ACROSS, max(count, 2))
+def _aspect(observations: Observations) -> float:
+    """Return height over width of the panels of images."""
+    return min(max(height / width for width, height in observations.image_sizes), 1.4)
+
+
+def _panels(count: int, aspect: float, across: int = _ACROSS) -> tuple[Figure, list[Axes]]:
+    """Return a figure with a panel for each image, row by row; the rest of the last is empty."""
+    across = min(across, max(count, 2))
     down = math.ceil(count / across)
-    aspect = max(height / width for width, height in observations.image_sizes)
-    width, gap, heading, foot = 10.4, 0.12, 0.24, 0.55
-    side = (width - gap * (across + 1)) / across
-    height = down * (side * min(aspect, 1.4) + heading) + foot
-    figure = new_figure(width, height)
-    panels = []
-    for number, (image_width, image_height) in enumerate(observations.image_sizes):
-        row, column = divmod(number, across)
-        tall = side * min(aspect, 1.4)
-        axes = figure.add_axes(
-            (
-                (gap + column * (side + gap)) / width,
-                1 - ((row + 1) * (tall + heading) - 0.02) / height,
-                side / width,
-                tall / height,
-            )
-        )
-        axes.set_xlim(-0.5, image_width - 0.5)
-        axes.set_ylim(image_height - 0.5, -0.5)
-        axes.set_aspect("equal")
-        _no_ticks(axes)
-        panels.append(axes)
+    figure = new_figure(10.4, down * (10.4 / across * aspect + 0.3) + 0.4)
+    figure.set_layout_engine("constrained", w_pad=0.04, h_pad=0.04)
+    panels = figure.subplots(down, across, squeeze=False).ravel().tolist()
+    for axes in panels:
+        axes.set(xticks=[], yticks=[])
+        axes.spines[:].set(color="#c3cad1", linewidth=0.6)
+    for axes in panels[count:]:
+        axes.set_visible(False)
     return figure, panels
 
 
-def _no_ticks(axes: Axes) -> None:
-    axes.set_xticks([])
-    axes.set_yticks([])
-    for spine in axes.spines.values():
-        spine.set(color="#c3cad1", linewidth=0.6)
+def _show(
+    axes: Axes, cell: _Cells, values: NDArray, colours: str, highest: float, title: str
+) -> AxesImage:
+    """Show numbers of cells in an image's own coordinates."""
+    down, across = cell.shape
+    extent = (-0.5, across * cell.side - 0.5, down * cell.side - 0.5, -0.5)
+    image = axes.imshow(values, cmap=colours, vmin=0, vmax=highest, extent=extent)
+    width, height = cell.size
+    axes.set(xlim=(-0.5, width - 0.5), ylim=(height - 0.5, -0.5))
+    axes.set_title(plain(title), fontsize=8, color=INK, pad=3)
+    return image
 
 
-def _bar(figure: Figure, shown: ScalarMappable, words: str) -> None:
+def _bar(figure: Figure, shown: AxesImage, words: str, panels: list[Axes]) -> None:
     """Add a colour bar at the bottom on the left."""
-    height = figure.get_figheight()
-    bar = figure.add_axes((0.012, 0.36 / height, 0.3, 0.09 / height))
-    figure.colorbar(shown, cax=bar, orientation="horizontal")
-    bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
-    bar.set_xlabel(words, fontsize=7, color=INK, labelpad=2, loc="left")
+    bar = figure.colorbar(shown, ax=panels, location="bottom", anchor=(0.0, 0.5), shrink=0.4,
+                          aspect=40, pad=0.02)  # fmt: skip
+    bar.ax.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
+    bar.ax.set_xlabel(words, fontsize=7, color=INK, labelpad=2, loc="left")

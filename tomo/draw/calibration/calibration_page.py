@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,35 +20,40 @@ from tomo.draw.calibration.calibration_figures import (
     draw_residuals,
     draw_worst,
 )
-from tomo.draw.calibration.calibration_scene import calibration_scene
 from tomo.draw.figures import png_bytes
 from tomo.draw.page import embedded, render
-from tomo.draw.rig.rig_scene import grid_of, up_of
+from tomo.draw.rig.rig_scene import grid_of, rig_scene, up_of
+from tomo.draw.rig.targets import calibration_targets
 from tomo.draw.stage import stage
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
     from rigs.calibrate import Calibration
 
-_PICTURES = {
-    "residuals": (
+_LEVELS = {"good": "green", "doubtful": "amber", "poor": "red"}
+
+_PICTURES = (
+    (
         "Residuals over the images",
         "Measured less projected. Arrows that point the same way in neighbouring cells are what "
         "the lens model does not describe; arrows at random are noise.",
     ),
-    "worst": (
+    (
         "Images that fit worst",
         "Points as detected and as the rig projects them, those left out included.",
     ),
-    "coverage": (
+    (
         "Coverage of the images",
         "Where the target was seen. Where it was not, the lens is extrapolated.",
     ),
-    "depths": (
+    (
         "Coverage of depth",
         "How far from each camera the target was: it should reach through the volume and beyond.",
     ),
-}
+)
+
+Columns = Sequence[tuple[str, Callable[[int], Any]]]
+"""The titles of a table's columns, and what gives a row's entry."""
 
 
 def write_calibration_page(
@@ -84,40 +89,30 @@ def write_calibration_page(
     notes = calibration.notes if notes is None else notes
     if image_of is None and calibration.images is not None:
         image_of = _reader(calibration.images)
-    figures = {
-        "residuals": draw_residuals(calibration),
-        "worst": None if image_of is None else draw_worst(calibration, image_of),
-        "coverage": draw_coverage(calibration),
-        "depths": draw_depths(calibration, grid),
-    }
-    word, assessment = _assessment(calibration)
-    scene = calibration_scene(calibration, grid)
+    figures = (
+        draw_residuals(calibration),
+        None if image_of is None else draw_worst(calibration, image_of),
+        draw_coverage(calibration),
+        draw_depths(calibration, grid),
+    )
+    rig = calibration.rig
+    scene = rig_scene(rig, grid).without("field of view", "arrows", "arrow names", "stems")
     text = render(
         "calibration.html",
         title=title,
-        word=word,
-        assessment=assessment,
-        findings=[*calibration.findings, *notes],
+        about=f"{len(rig)} cameras in {rig.length_unit}.",
+        verdict=_verdict(calibration, notes),
         headline=_headline(calibration),
-        unit=calibration.rig.length_unit,
-        world=calibration.rig.world_frame,
-        cameras=_camera_rows(calibration),
-        frames=_frame_rows(calibration),
-        pictures={
-            name: {
-                "title": _PICTURES[name][0],
-                "alt": _PICTURES[name][0],
-                "caption": _PICTURES[name][1],
-                "data": embedded(png_bytes(figure)),
-            }
-            for name, figure in figures.items()
-            if figure is not None
-        },
-        stage=stage(
-            scene.without("stems", "field of view", "arrows", "arrow names"),
-            up=up_of(calibration.rig),
-            grid=grid,
-        ),
+        world=rig.world_frame,
+        cameras=_cameras(calibration),
+        lenses=_lenses(calibration),
+        frames=_frames(calibration),
+        pictures=[
+            {"title": heading, "alt": heading, "caption": words, "data": embedded(png_bytes(one))}
+            for (heading, words), one in zip(_PICTURES, figures, strict=True)
+            if one is not None
+        ],
+        stage=stage(scene + calibration_targets(calibration), up=up_of(rig), grid=grid),
         details=[(key, str(value)) for key, value in (details or {}).items()],
     )
     with atomic_path(path) as temporary:
@@ -142,11 +137,17 @@ def _evaluated_box(calibration: Calibration) -> VoxelGrid | None:
     return VoxelGrid.from_bounds((1, 1, 1), points.min(axis=0), points.max(axis=0))
 
 
-def _assessment(calibration: Calibration) -> tuple[str, str]:
-    """Return the assessment's first word, and the rest of its first line."""
-    first = calibration.assessment.split("\n")[0]
-    word, colon, rest = first.partition(":")
-    return (word, colon + rest) if " " not in word else ("", first)
+def _verdict(calibration: Calibration, notes: Sequence[str]) -> dict[str, Any]:
+    """Return the assessment, and below it the findings and the notes."""
+    word, _, rest = calibration.assessment.split("\n")[0].partition(": ")
+    known = word in _LEVELS
+    return {
+        "level": _LEVELS.get(word, "amber"),
+        "badge": word.capitalize() if known else "Unknown",
+        "means": rest[:1].upper() + rest[1:] if known else calibration.assessment.split("\n")[0],
+        "reasons": [*calibration.findings, *notes],
+        "next": (),
+    }
 
 
 def _headline(calibration: Calibration) -> list[tuple[str, str, str]]:
@@ -172,43 +173,80 @@ def _headline(calibration: Calibration) -> list[tuple[str, str, str]]:
     ]
 
 
-def _camera_rows(calibration: Calibration) -> list[dict[str, Any]]:
-    """Return one row a camera; cameras named in findings are marked."""
-    quality, observations = calibration.quality, calibration.observations
-    worst = _largest(quality.camera_rms)
-    rows = []
-    for index, camera in enumerate(map(own_camera, calibration.rig)):
-        assert has_lens(camera)  # `calibrate` finds lenses
-        own = observations.camera == index
-        (fx, _, cx), (_, fy, cy) = camera.camera_matrix[:2]
-        near, far = quality.depth_range[index]
-        terms = camera.distortion.coefficients
-        rows.append(
-            {
-                "name": camera.name,
-                "blamed": _blamed(calibration, f"camera {camera.name}"),
-                "rms": _text(quality.camera_rms[index]),
-                "bar": _share(quality.camera_rms[index], worst),
-                "ray_miss": _text(quality.camera_ray_miss[index], 2),
-                "images": int(np.isfinite(quality.image_rms[index]).sum()),
-                "used": int((own & calibration.used).sum()),
-                "left_out": int((own & ~calibration.used).sum()),
-                "coverage": f"{quality.image_coverage[index]:.0%}",
-                "depths": f"{_text(near)} to {_text(far)}",
-                "footprint": _text(quality.footprint[index]),
-                "size": "{} x {}".format(*camera.image_size),
-                "fx": f"{fx:.2f}",
-                "fy": f"{fy:.2f}",
-                "cx": f"{cx:.2f}",
-                "cy": f"{cy:.2f}",
-                "focal_error": f"{100 * quality.focal_error[index]:.2g} %",
-                "offset": _offset(calibration, index),
-                "terms": calibration.terms[index],
-                "distortion": f"{camera.distortion.model} "
-                + ", ".join(f"{value:.4g}" for value in terms),
-            }
-        )
-    return rows
+def _cameras(calibration: Calibration) -> tuple:
+    """Return the table of cameras; those named in findings are marked."""
+    quality, used = calibration.quality, calibration.used
+    owner, unit = calibration.observations.camera, calibration.rig.length_unit
+    names = calibration.rig.names
+    columns: Columns = (
+        ("Camera", lambda n: names[n]),
+        ("RMS (px)", lambda n: _text(quality.camera_rms[n])),
+        (f"ray-miss ({unit})", lambda n: _text(quality.camera_ray_miss[n], 2)),
+        ("images", lambda n: int(np.isfinite(quality.image_rms[n]).sum())),
+        ("points used", lambda n: int((used & (owner == n)).sum())),
+        ("left out", lambda n: int((~used & (owner == n)).sum())),
+        ("image covered", lambda n: f"{quality.image_coverage[n]:.0%}"),
+        (f"depths ({unit})", lambda n: " to ".join(map(_text, quality.depth_range[n]))),
+        (f"pixel ({unit})", lambda n: _text(quality.footprint[n])),
+        ("taken later by (frames)", lambda n: _offset(calibration, n)),
+    )
+    blamed = [n for n, name in enumerate(names) if _blamed(calibration, f"camera {name}")]
+    return *_table(columns, len(names)), blamed, _shares(quality.camera_rms)
+
+
+def _lenses(calibration: Calibration) -> tuple:
+    """Return the table of lenses."""
+    cameras = [own_camera(camera) for camera in calibration.rig]
+    lenses = [camera for camera in cameras if has_lens(camera)]  # all: `calibrate` finds lenses
+    matrices, focal_error = (
+        [lens.camera_matrix for lens in lenses],
+        calibration.quality.focal_error,
+    )
+    terms = [
+        ", ".join(f"{value:.4g}" for value in lens.distortion.coefficients) for lens in lenses
+    ]
+    columns: Columns = (
+        ("Camera", lambda n: lenses[n].name),
+        ("image", lambda n: "{} x {}".format(*lenses[n].image_size)),
+        ("fx (px)", lambda n: f"{matrices[n][0, 0]:.2f}"),
+        ("fy (px)", lambda n: f"{matrices[n][1, 1]:.2f}"),
+        ("uncertain by", lambda n: f"{100 * focal_error[n]:.2g} %"),
+        ("cx (px)", lambda n: f"{matrices[n][0, 2]:.2f}"),
+        ("cy (px)", lambda n: f"{matrices[n][1, 2]:.2f}"),
+        ("terms", lambda n: calibration.terms[n]),
+        ("distortion", lambda n: f"{lenses[n].distortion.model} {terms[n]}"),
+    )
+    return *_table(columns, len(lenses)), (), (), (7, 8)
+
+
+def _frames(calibration: Calibration) -> tuple:
+    """Return the table of frames; those named in findings are marked."""
+    quality, observations, used = calibration.quality, calibration.observations, calibration.used
+
+    def worst(n: int) -> str:
+        images = quality.image_rms[:, n]
+        if not np.isfinite(images).any():
+            return "no pose"
+        camera = int(np.nanargmax(images))
+        return f"{observations.cameras[camera]}, {_text(images[camera])} px"
+
+    columns: Columns = (
+        ("Frame", lambda n: observations.frames[n]),
+        ("RMS (px)", lambda n: _text(quality.frame_rms[n])),
+        ("cameras", lambda n: int(np.isfinite(quality.image_rms[:, n]).sum())),
+        ("points used", lambda n: int((used & (observations.frame == n)).sum())),
+        ("left out", lambda n: int((~used & (observations.frame == n)).sum())),
+        ("largest in", worst),
+    )
+    names = observations.frames
+    blamed = [n for n, name in enumerate(names) if _blamed(calibration, f"frame {name}")]
+    return *_table(columns, len(names)), blamed, _shares(quality.frame_rms), (5,)
+
+
+def _table(columns: Columns, count: int) -> tuple[list[str], list[list[str]]]:
+    """Return a table's titles and rows."""
+    rows = [[str(entry(n)) for _, entry in columns] for n in range(count)]
+    return [title for title, _ in columns], rows
 
 
 def _offset(calibration: Calibration, camera: int) -> str:
@@ -219,46 +257,15 @@ def _offset(calibration: Calibration, camera: int) -> str:
     return f"{step.offset[camera]:+.3f} ± {step.error[camera]:.1g}"
 
 
-def _frame_rows(calibration: Calibration) -> list[dict[str, Any]]:
-    """Return one row a frame."""
-    quality, observations = calibration.quality, calibration.observations
-    worst = _largest(quality.frame_rms)
-    rows = []
-    for index, name in enumerate(observations.frames):
-        own = observations.frame == index
-        images = quality.image_rms[:, index]
-        seen = np.isfinite(images)
-        words = "no pose"
-        if seen.any():
-            camera = int(np.nanargmax(images))
-            words = f"{observations.cameras[camera]}, {_text(images[camera])} px"
-        rows.append(
-            {
-                "name": name,
-                "blamed": _blamed(calibration, f"frame {name}"),
-                "rms": _text(quality.frame_rms[index]),
-                "bar": _share(quality.frame_rms[index], worst),
-                "cameras": int(seen.sum()),
-                "used": int((own & calibration.used).sum()),
-                "left_out": int((own & ~calibration.used).sum()),
-                "worst": words,
-            }
-        )
-    return rows
-
-
 def _blamed(calibration: Calibration, what: str) -> bool:
     """Return whether a finding begins with this camera or frame."""
     return any(finding.startswith((f"{what}:", f"{what},")) for finding in calibration.findings)
 
 
-def _largest(values: np.ndarray) -> float:
-    return float(np.max(values[np.isfinite(values)], initial=0.0)) or 1.0
-
-
-def _share(value: float, largest: float) -> float:
-    """Return the length of a bar in per cent."""
-    return 100 * value / largest if math.isfinite(value) else 0.0
+def _shares(values: NDArray) -> list[float]:
+    """Return the lengths of bars in per cent of the longest."""
+    known = np.nan_to_num(values, nan=0.0, posinf=0.0)
+    return (100 * known / (known.max(initial=0.0) or 1.0)).tolist()
 
 
 def _text(value: float, digits: int = 3) -> str:

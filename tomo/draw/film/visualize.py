@@ -3,19 +3,23 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.progress import Progress, progress_of
-from tomo.draw.film.player import MOST_FRAMES, film_of
 from tomo.draw.scene import Scene
+from tomo.draw.stage import Shown, fitting
 from tomo.draw.write_html import write_html
+from tomo.grid import Volume
 from tomo.series import SeriesStore
 from tomo.series.frames import slices_of
 from tomo.series.table import SeriesTable
+
+MOST_FRAMES = 60
+"""Frames of a film in a page; they share `tomo.draw.stage.MOST_VOXELS`."""
 
 
 def visualize_film(
@@ -65,8 +69,7 @@ def visualize_film(
         raise ValueError(f"{store.path}: frames: found none that is complete, expected one")
     about = store.attributes
     with progress_of(progress, "film") as tell:
-        moments = moments_of(table, shown, tell)
-        film = film_of(moments, len(shown), store.grid, about["value_unit"])
+        film = film_of(moments_of(table, shown, tell), len(shown))
     words = words_of(shown, int(wanted.sum()))
     scene = Scene(length_unit=about["length_unit"])
     write_html(path, scene, title=title or store.path.stem, shown=film, note=words)
@@ -81,9 +84,34 @@ def shown_places(complete: NDArray[np.bool_], most: int = MOST_FRAMES) -> list[i
     return places[np.linspace(0, len(places) - 1, most).round().astype(int)].tolist()
 
 
+def film_of(moments: Iterable[tuple[str, float, Volume]], count: int) -> Shown:
+    """Return the film that a page shows.
+
+    Parameters
+    ----------
+    moments : iterable of (label, position, volume)
+        Frames in their order; the position along the time axis is 0 to 1.
+    count : int
+        How many there are: the more, the coarser.
+
+    Raises
+    ------
+    ValueError
+        If there is no frame.
+    """
+    labels, frames, whole = [], [], None
+    for label, position, volume in moments:
+        whole = volume.grid
+        labels.append((label, round(position, 5)))
+        frames.append(fitting(volume, count))
+    if not frames:
+        raise ValueError("film: found no frame, expected one")
+    return Shown(frames, labels, whole=whole)
+
+
 def moments_of(
     table: SeriesTable, places: Sequence[int], progress: Progress | None = None
-) -> Iterator[tuple[str, float, NDArray]]:
+) -> Iterator[tuple[str, float, Volume]]:
     """Yield label, position along the time axis and volume of frames."""
     for done, place in enumerate(places):
         if progress:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -76,7 +77,7 @@ def _flat(nodes: NDArray[np.float64]) -> list[float]:
 
 
 def camera_views(
-    rig: Rig, grid: VoxelGrid | None = None, images: dict[str, NDArray] | None = None
+    rig: Rig, grid: VoxelGrid | None = None, images: Mapping[str, NDArray] | None = None
 ) -> tuple[CameraView, ...]:
     """Return the views of all cameras.
 
@@ -95,19 +96,17 @@ def camera_views(
             colour_of(camera, target, up)[1],
             DirectionTable.of(camera),
             (images or {}).get(camera.name),
-            () if grid is None else _outlines(camera, grid),
+            () if grid is None else tuple(box_edges(camera, grid)),
         )
         for camera in rig
     )
 
 
-def _outlines(camera: CameraLike, grid: VoxelGrid) -> tuple[NDArray[np.float64], ...]:
-    """Return the edges of the grid's box in the image, as far as the lens maps them."""
+def box_edges(camera: CameraLike, grid: VoxelGrid) -> Iterator[NDArray[np.float64]]:
+    """Yield the pixels ``(points, 2)`` of the edges of a grid's box that the lens maps."""
     corners = box_corners(grid.lower, grid.upper)
     fraction = np.linspace(0, 1, _ALONG)[:, None]
-    lines = []
     for one, other in BOX_EDGES:
         uv, _, valid = camera.project(corners[one] + fraction * (corners[other] - corners[one]))
         if valid.all():
-            lines.append(uv)
-    return tuple(lines)
+            yield uv

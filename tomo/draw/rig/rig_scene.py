@@ -14,7 +14,6 @@ from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
 from tomo.draw.rig.solids import bent_line, solids_scene
 from tomo.draw.scene import Colour, Label, Mesh, Scene, as_colour, rgb
-from tomo.draw.volume import isosurface_scene
 from tomo.grid import VoxelGrid, grid_of_rig
 
 _SYMBOL_LENGTH = 0.13  # of a camera's symbol, in distances to the target
@@ -107,27 +106,20 @@ def _at_depth(camera: CameraLike, directions: NDArray, depth: float, widen: floa
     return camera.position + depth * (forward + widen * (directions / cosine[:, None] - forward))
 
 
-def rig_scene(
-    rig: Rig,
-    grid: VoxelGrid | None = None,
-    volume: NDArray | None = None,
-    up: Up | None = None,
-) -> Scene:
-    """Return the cameras' symbols and lines of sight, the box of voxels, and the volume in it.
+def rig_scene(rig: Rig, grid: VoxelGrid | None = None, up: Up | None = None) -> Scene:
+    """Return the cameras' symbols and lines of sight, and the box of voxels.
 
-    Groups: ``cameras, names, sight lines, field of view, arrows, arrow names, box, isosurface N%,
-    solids`` and ``stems`` (each camera's plumb line, for still pictures).
+    Groups: ``cameras, names, sight lines, field of view, arrows, arrow names, box, solids`` and
+    ``stems`` (each camera's plumb line, for still pictures).
 
     Raises
     ------
     ValueError
-        If the rig has no camera, or a volume comes without a grid or with another's shape.
+        If the rig has no camera.
     """
     if not len(rig):
         raise ValueError("rig: found no camera, expected at least one to draw")
     grid = grid_of(rig, grid)
-    if volume is not None and grid is None:
-        raise ValueError("volume: found one without a grid, expected its grid too")
     target = Target.of(rig, grid)
     up = up_of(rig) if up is None else up
     typical = typical_distance(rig, target)
@@ -142,8 +134,6 @@ def rig_scene(
         for camera in rig:
             scene += _arrow(camera, target, grid, up)
         scene += _field_of_view(facing_camera(rig, up), target)
-    if volume is not None:
-        scene += isosurface_scene(volume, grid, rig.length_unit)
     return scene
 
 

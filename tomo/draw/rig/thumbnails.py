@@ -83,7 +83,7 @@ def load_thumbnails(
     return {name: np.clip(image * scale, 0, 255).astype(np.uint8) for name, image in small.items()}
 
 
-def image_scene(rig: Rig, target: Target, images: dict[str, NDArray]) -> Scene:
+def image_scene(rig: Rig, target: Target, images: Mapping[str, NDArray]) -> Scene:
     """Return the thumbnails in the faces of the cameras' symbols; the group is ``images``."""
     length = symbol_length(rig, target)
     meshes = []

@@ -3,34 +3,41 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, TypeAlias, cast
 
 from rigs import Rig
+from rigs.check import check_rig
 from rigs.check.compare import RigDifference
 from rigs.check.result import RigCheck
 from tomo.draw.emission import LIGHT, Looks
+from tomo.draw.figures import save_figure
+from tomo.draw.rig.camera_view import camera_views
+from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene, draw_coverage
 from tomo.draw.rig.rig_page import (
-    check_on_grid,
     check_table,
     compare_on_grid,
     difference_table,
     other_rig_scene,
-    target_scene,
 )
 from tomo.draw.rig.rig_scene import Target, grid_of, rig_scene, up_of
+from tomo.draw.rig.targets import target_scene
+from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
 from tomo.draw.scene import Scene
 from tomo.draw.stage import Shown
 from tomo.draw.suffixes import suffix_of
 from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS, isosurface_scene
-from tomo.draw.write_html import Table
+from tomo.draw.write_glb import write_glb
+from tomo.draw.write_html import Table, write_html
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from rigs import Volume
     from tomo.draw.volume.given import GivenVolume
     from tomo.scan import Scan
 
@@ -88,46 +95,38 @@ def visualize_rig(
     ValueError
         If the suffix is another, there is no camera, or a volume or images do not belong to it.
     """
-    suffix = suffix_of(path)
+    suffix, title = suffix_of(path), title or Path(path).stem
     if not len(rig):
         raise ValueError("cameras: found none, expected at least one to draw")
-    shown = None if volume is None else volume_of(volume, grid)
-    if shown and shown.length_unit not in ("", rig.length_unit):
+    shown = None if volume is None else volume_of(volume, grid, rig.length_unit)
+    if shown is not None and shown.length_unit != rig.length_unit:
         raise ValueError(
             f"volume: length unit: found {shown.length_unit!r}, expected {rig.length_unit!r}"
         )
-    grid = shown.grid if shown else grid_of(rig, grid)
-    title = title or Path(path).stem
+    grid = shown.grid if shown is not None else grid_of(rig, grid)
     if isinstance(other, Rig):
         other = compare_on_grid(rig, other, grid)
     around = target_scene(rig) + (other_rig_scene(rig, other, grid) if other else Scene())
     if suffix == ".png":
-        from tomo.draw.rig.rig_picture import write_rig
+        from tomo.draw.rig.rig_picture import draw_rig
 
         around = around.without("other names")  # the first rig has the same
-        data, unit = (shown.data, shown.value_unit) if shown else (None, "")
-        write_rig(path, rig, grid, data, title=title, extra=around, value_unit=unit, looks=looks)
+        save_figure(draw_rig(rig, grid, shown, title=title, extra=around, looks=looks), path)
         return
-    pictures = _pictures(rig, images, frame, pattern, note)
+    page = RigPage(rig, grid, _pictures(rig, images, frame, pattern, note), title)
     # a page draws the light of a volume, a file for 3-D programs its surfaces
-    scene = _with_pictures(rig, grid, pictures) + around
     if suffix == ".glb":
-        if shown:
-            levels = looks.levels or LEVELS
-            scene += isosurface_scene(shown.data, shown.grid, rig.length_unit, levels)
-        from tomo.draw.write_glb import write_glb
-
-        write_glb(path, scene)
+        if shown is not None:
+            around += isosurface_scene(shown, looks.levels or LEVELS)
+        write_glb(path, page.scene + around)
         return
     tables = [difference_table(other, rig.length_unit, *names)] if other else []
     if coverage and grid is not None:
-        from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
-
-        check, coarse = check_on_grid(rig, grid)
-        scene += coverage_scene(coverage_maps(check, coarse), coarse, rig.length_unit)
+        check = check_rig(rig, grid)
+        around += coverage_scene(coverage_maps(check))
         tables.append(check_table(check))
-    film = shown and Shown((shown.data,), shown.grid, shown.value_unit, looks=looks)
-    _write_page(path, rig, grid, scene, pictures, tables, title, film, ["images"] * bool(pictures))
+    light = None if shown is None else Shown((shown,), looks=looks, up=up_of(rig))
+    page.write(path, around, light, tables, ["images"] * bool(page.pictures))
 
 
 def visualize_check(
@@ -156,29 +155,69 @@ def visualize_check(
     ValueError
         If the suffix is another, or the check is of points that are no voxels' centres.
     """
-    from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene, write_coverage
-
     suffix, title, rig = suffix_of(path), title or Path(path).stem, check.coverage.rig
-    if check.volume is None or check.lattice is None:
-        raise ValueError("check: found points without a volume, expected that of rigs.check_rig")
-    grid, coarse = (
-        VoxelGrid(box.shape, box.spacing, box.center) for box in (check.volume, check.lattice)
-    )
-    maps, unit = coverage_maps(check, coarse), rig.length_unit
+    maps, box = coverage_maps(check), cast("Volume", check.volume)
     if suffix == ".png":
-        heading = f"{title}: {check.assessment}"
-        write_coverage(path, maps, coarse, length_unit=unit, title=heading)
+        save_figure(draw_coverage(maps, f"{title}: {check.assessment}"), path)
         return
-    if suffix == ".glb":
-        from tomo.draw.write_glb import write_glb
+    grid = VoxelGrid(box.shape, box.spacing, box.center)
+    is_page = suffix == ".html"
+    pictures = _pictures(rig, images, None, pattern, note) if is_page else {}
+    page = RigPage(rig, grid, pictures, title)
+    if is_page:
+        shown = ["map: details"]
+        page.write(path, coverage_scene(maps), None, [check_table(check)], shown, close_up=True)
+    else:  # planes of several maps would lie in each other: a file without switches holds one
+        write_glb(path, page.scene + coverage_scene(maps[:1]))
 
-        # the planes of several maps would lie in each other: a file without switches holds one
-        write_glb(path, rig_scene(rig, grid) + coverage_scene(maps[:1], coarse, unit))
-        return
-    pictures = _pictures(rig, images, None, pattern, note)
-    scene = _with_pictures(rig, grid, pictures) + coverage_scene(maps, coarse, unit)
-    tables, shown = [check_table(check)], ["map: details"]
-    _write_page(path, rig, grid, scene, pictures, tables, title, None, shown, close_up=True)
+
+@dataclass(frozen=True, eq=False)
+class RigPage:
+    """The page of a rig: its scene, and what its cameras see.
+
+    Attributes
+    ----------
+    rig : Rig
+    grid : VoxelGrid, optional
+    pictures : mapping of str to (rows, columns) uint8
+    title : str
+    """
+
+    rig: Rig
+    grid: VoxelGrid | None = None
+    pictures: Mapping[str, NDArray] = field(default_factory=dict)
+    title: str = ""
+
+    @property
+    def scene(self) -> Scene:
+        """The rig with what its cameras saw."""
+        scene = rig_scene(self.rig, self.grid)
+        if not self.pictures:
+            return scene
+        return scene + image_scene(self.rig, Target.of(self.rig, self.grid), self.pictures)
+
+    def write(
+        self,
+        path: str | os.PathLike,
+        around: Scene,
+        shown: Shown | None = None,
+        tables: Sequence[Table] = (),
+        visible: Sequence[str] = (),
+        close_up: bool = False,
+    ) -> None:
+        """Write it with what is ``around`` the rig; for the rest see `stage` and `write_html`."""
+        write_html(
+            path,
+            self.scene + around,
+            title=self.title,
+            up=up_of(self.rig),
+            grid=self.grid,
+            shown=shown,
+            views=camera_views(self.rig, self.grid, self.pictures),
+            tables=tables,
+            visible=visible,
+            close_up=close_up,
+        )
 
 
 def _pictures(
@@ -187,51 +226,8 @@ def _pictures(
     frame: str | None,
     pattern: str | None,
     note: Callable[[str], None] | None,
-) -> dict[str, NDArray]:
+) -> Mapping[str, NDArray]:
     """Return thumbnails by camera; none without images."""
-    if images is None:
-        return {}
-    if isinstance(images, Mapping):
-        return dict(images)
-    from tomo.draw.rig.thumbnails import load_thumbnails
-
+    if images is None or isinstance(images, Mapping):
+        return images or {}
     return load_thumbnails(rig, images, frame, pattern, note=note)
-
-
-def _with_pictures(rig: Rig, grid: VoxelGrid | None, pictures: dict[str, NDArray]) -> Scene:
-    """Return the rig's scene with what its cameras saw."""
-    scene = rig_scene(rig, grid)
-    if not pictures:
-        return scene
-    from tomo.draw.rig.thumbnails import image_scene
-
-    return scene + image_scene(rig, Target.of(rig, grid), pictures)
-
-
-def _write_page(
-    path: str | os.PathLike,
-    rig: Rig,
-    grid: VoxelGrid | None,
-    scene: Scene,
-    pictures: dict[str, NDArray],
-    tables: list[Table],
-    title: str,
-    shown: Shown | None,
-    visible: list[str],
-    close_up: bool = False,
-) -> None:
-    from tomo.draw.rig.camera_view import camera_views
-    from tomo.draw.write_html import write_html
-
-    write_html(
-        path,
-        scene,
-        title=title,
-        up=up_of(rig),
-        grid=grid,
-        shown=shown,
-        views=camera_views(rig, grid, pictures),
-        tables=tables,
-        visible=visible,
-        close_up=close_up,
-    )

@@ -301,12 +301,14 @@ class Stage {
       if (dot(out, halfway) < 0) out = out.map((value) => -value);
       paths.push(`M${from.x} ${from.y}L${to.x} ${to.y}`);
       const most = Math.floor(length / 55);
-      if (length > 25) for (const value of ticks(box[0][axis], box[1][axis], clamp(most, 1, 6))) {
+      const zero = this.data.origin[axis];  // numbers are round in the world
+      if (length > 25) for (const value of ticks(box[0][axis] + zero, box[1][axis] + zero,
+        clamp(most, 1, 6))) {
         const p = [...ends[0]];
-        p[axis] = value;
+        p[axis] = value - zero;
         const at = this.point(p, view);
         paths.push(`M${at.x} ${at.y}L${at.x + 5 * out[0]} ${at.y + 5 * out[1]}`);
-        texts.push([number(value + this.data.origin[axis], 8), at.x + 9 * out[0], at.y + 9 * out[1], out]);
+        texts.push([number(value, 8), at.x + 9 * out[0], at.y + 9 * out[1], out]);
       }
       texts.push([`${AXES[axis]} (${this.data.unit})`, middle.x + halfway[0] + 36 * out[0],
         middle.y + halfway[1] + 34 * out[1], out, "title"]);

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from tomo.draw.scene import Mesh, Scene, rgb
 from tomo.draw.shapes import Triangles
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 LEVELS = (0.15, 0.4, 0.7)
 """Parts of the maximum at which surfaces are drawn unless others are asked for."""
@@ -57,26 +57,31 @@ def isosurface(data: NDArray, grid: VoxelGrid, level: float) -> Triangles:
     return vertices, surface.triangle.indices.numpy().astype(np.int64)
 
 
-def coarsened(
-    data: NDArray, grid: VoxelGrid, max_voxels: int = 4_000_000
-) -> tuple[NDArray[np.float32], VoxelGrid]:
+def finite(volume: Volume) -> Volume:
+    """Return the volume in single precision, 0 where it has no finite value."""
+    data = np.asarray(volume, np.float32)
+    return volume.like(np.nan_to_num(data, nan=0.0, posinf=0.0, neginf=0.0))
+
+
+def coarsened(volume: Volume, max_voxels: int = 4_000_000) -> Volume:
     """Return the volume averaged over blocks, so that its surfaces stay small enough to show.
 
     Planes beyond the last whole block are left out.
     """
-    factor = 1
+    factor, grid = 1, volume.grid
     while math.prod(max(n // factor, 1) for n in grid.shape) > max_voxels:
         factor += 1
     if factor == 1:
-        return np.asarray(data, np.float32), grid
+        return volume.astype(np.float32)
     shape = tuple(max(n // factor, 1) for n in grid.shape)
     steps = tuple(min(factor, n) for n in grid.shape)
     whole = tuple(slice(0, n * s) for n, s in zip(shape, steps, strict=True))
     nx, ny, nz = shape
-    blocks = np.asarray(data, np.float32)[whole].reshape(nx, steps[0], ny, steps[1], nz, steps[2])
-    spacing = np.multiply(grid.spacing, steps)
-    upper = grid.lower + spacing * shape
-    return blocks.mean(axis=(1, 3, 5)), VoxelGrid.from_bounds(shape, grid.lower, upper)
+    data = np.asarray(volume, np.float32)[whole]
+    means = data.reshape(nx, steps[0], ny, steps[1], nz, steps[2]).mean(axis=(1, 3, 5))
+    upper = grid.lower + np.multiply(grid.spacing, steps) * shape
+    grid = VoxelGrid.from_bounds(shape, grid.lower, upper)
+    return Volume(means, grid, volume.length_unit, volume.value_unit)
 
 
 def reference_value(data: NDArray) -> float:
@@ -91,20 +96,18 @@ def reference_value(data: NDArray) -> float:
     return bright if bright > 0 else float(finite.max())
 
 
-def isosurface_scene(
-    data: NDArray, grid: VoxelGrid, length_unit: str = "mm", levels: Sequence[float] = LEVELS
-) -> Scene:
+def isosurface_scene(volume: Volume, levels: Sequence[float] = LEVELS) -> Scene:
     """Return nested surfaces at up to three parts of the (robust) maximum; none if all is dark."""
-    small, small_grid = coarsened(np.nan_to_num(data, nan=0.0), grid)
+    small = coarsened(finite(volume))
     reference = reference_value(small)
     meshes = []
     levels = sorted(levels)[-3:]
     for fraction, (colour, opacity) in zip(levels, _LOOKS[-len(levels) :], strict=True):
         if reference <= 0:
             break
-        vertices, triangles = isosurface(small, small_grid, fraction * reference)
+        vertices, triangles = isosurface(small, small.grid, fraction * reference)
         if len(triangles):
             name = f"{fraction:.0%} of the maximum"
             group = f"isosurface {fraction:.0%}"
             meshes.append(Mesh(name, group, vertices, triangles, rgb(colour), opacity))
-    return Scene(tuple(meshes), length_unit=length_unit)
+    return Scene(tuple(meshes), length_unit=volume.length_unit)

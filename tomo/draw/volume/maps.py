@@ -6,29 +6,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw.scene import ColourScale, Mesh, Scene
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume
 
 MAP = "map: "
 """Prefix of groups of which one is shown at a time, because they lie on the same planes."""
 
 
-def map_scene(
-    values: NDArray, grid: VoxelGrid, name: str, scale: ColourScale, length_unit: str = "mm"
-) -> Scene:
+def map_scene(values: Volume, name: str, scale: ColourScale) -> Scene:
     """Return the three middle planes, coloured by value; the group is ``map: name``.
 
     Parameters
     ----------
-    values : (nx, ny, nz)
-        At the grid's voxels; a plane between two layers of them shows their mean.
-    grid : VoxelGrid
+    values : Volume
+        A plane between two layers of voxels shows their mean.
     name : str
     scale : ColourScale
-    length_unit : str
     """
-    if values.shape != grid.shape:
-        raise ValueError(f"values: found shape {values.shape}, expected the grid's {grid.shape}")
-    axes, meshes = grid.axes(), []
+    grid, axes, meshes = values.grid, values.grid.axes(), []
     for across in range(3):
         level, upright = (axis for axis in range(3) if axis != across)
         if min(grid.shape[level], grid.shape[upright]) < 2:
@@ -52,7 +46,7 @@ def map_scene(
                 scale=scale,
             )
         )
-    return Scene(tuple(meshes), length_unit=length_unit)
+    return Scene(tuple(meshes), length_unit=values.length_unit)
 
 
 def lattice_triangles(rows: int, columns: int) -> NDArray[np.int64]:

@@ -1,17 +1,19 @@
-"""The middle planes of a volume, drawn to scale: alone, or in a row with their colour bar."""
+"""The middle planes of volumes, drawn to scale: in a row with their colour bar, or in a table."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from tomo.draw import frame
-from tomo.draw.figures import INK, MUTED, plain, short_numbers
+from tomo.draw.figures import INK, MUTED, new_figure, plain, short_numbers
 from tomo.draw.scene import ColourScale
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -25,56 +27,106 @@ _THINNEST, _SHORTEST_BAR = 0.15, 0.7  # inches that can still be seen
 _LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.75  # inches round planes in a row
 
 
-def middle_planes(data: NDArray, grid: VoxelGrid) -> list[tuple[NDArray, tuple, tuple, float]]:
-    """Return the three planes through the grid's middle, as `_VIEWS` orders them.
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """A plane through the middle of a volume.
 
-    Each is ``(values (upright, level), axes, extent, coordinate)``: an odd count shows the
-    middle voxels, an even one the mean of the two planes next to the middle.
+    Attributes
+    ----------
+    values : (upright, level)
+        The middle voxels of an odd count, the mean of the two next to the middle of an even one.
+    axes : (int, int, int)
+        The level and the upright world axis, and the one looked along.
+    extent : (left, right, lower, upper)
+        In world coordinates.
+    at : float
+        The coordinate along the third axis.
     """
-    planes = []
+
+    values: NDArray
+    axes: tuple[int, int, int]
+    extent: tuple[float, float, float, float]
+    at: float
+
+    @property
+    def name(self) -> str:
+        """Where it is, to a thousandth of its size, wherever the origin is."""
+        left, right, lower, upper = self.extent
+        size = max(right - left, upper - lower)
+        beyond = math.ceil(math.log10(max(abs(self.at) / size, 1.0)))
+        return f"{frame.NAMES[self.axes[2]]} = {self.at:.{3 + beyond}g}"
+
+
+def middle_planes(volume: Volume) -> list[Plane]:
+    """Return the three planes through the grid's middle, as `_VIEWS` orders them."""
+    grid, planes = volume.grid, []
+    (x0, y0, z0), (x1, y1, z1) = grid.lower.tolist(), grid.upper.tolist()
+    ends = ((x0, x1), (y0, y1), (z0, z1))
     for level, upright, across in _VIEWS:
-        n = grid.shape[across]
-        pair = np.take(data, [(n - 1) // 2, n // 2], axis=across)
-        plane = pair.mean(axis=across)
-        planes.append((_oriented(plane, level, upright), *_place(grid, level, upright, across)))
+        n = volume.shape[across]
+        plane = np.take(volume, [(n - 1) // 2, n // 2], axis=across).mean(axis=across)
+        plane = plane.T if level < upright else plane
+        extent = (*ends[level], *ends[upright])
+        planes.append(Plane(plane, (level, upright, across), extent, float(grid.center[across])))
     return planes
 
 
-def _oriented(plane: NDArray, level: int, upright: int) -> NDArray:
-    """Return a plane, given in the order of its axes, as (upright, level)."""
-    return plane.T if level < upright else plane
+@dataclass(frozen=True, eq=False)
+class Slices:
+    """A volume of which the middle planes are drawn.
+
+    Attributes
+    ----------
+    heading : str
+    volume : Volume
+    scale : ColourScale
+        Its title stands beside the bar.
+    """
+
+    heading: str
+    volume: Volume
+    scale: ColourScale
 
 
-def _place(grid: VoxelGrid, level: int, upright: int, across: int) -> tuple[tuple, tuple, float]:
-    """Return the axes, the extent for imshow, and the coordinate of a middle plane."""
-    lower, upper = grid.lower, grid.upper
-    extent = (lower[level], upper[level], lower[upright], upper[upright])
-    return (level, upright, across), extent, float(grid.center[across])
+def draw_slices(
+    shown: Sequence[Slices | None],
+    *,
+    columns: int | None = None,
+    title: str = "",
+    whole: bool = True,
+) -> Figure:
+    """Return the middle planes of volumes on one grid, a cell of a table each, to one scale.
 
-
-def show_plane(
-    axes: Axes, picture: tuple, length_unit: str, *, lowest: float, highest: float, colours: str
-) -> AxesImage:
-    """Draw one plane to scale, with ticks in world coordinates."""
-    values, (level, upright, _), extent, _ = picture
-    image = axes.imshow(
-        values,
-        origin="lower",
-        extent=extent,
-        vmin=lowest,
-        vmax=highest,
-        cmap=colours,
-        interpolation="nearest",
-        aspect="equal",
+    Parameters
+    ----------
+    shown : sequence of Slices or None
+        Row by row; None leaves a cell empty.
+    columns : int, optional
+        As many as there is room for when None.
+    title : str
+        Stands above all.
+    whole : bool
+        Whether the outer halves of the outermost voxels are shown.
+    """
+    grid = next(one for one in shown if one is not None).volume.grid
+    wide, tall = grid.extent[[0, 2, 0]], grid.extent[[1, 1, 2]]
+    inches = min(3.2 / wide.sum(), 3.0 / tall.max())
+    cell_width, cell_height = row_size(grid, inches)
+    columns = columns or max(1, min(len(shown), math.floor(13.0 / cell_width)))
+    head = 0.45 if title else 0.0
+    size = (
+        max(columns * cell_width, 5.0 * bool(title)),
+        math.ceil(len(shown) / columns) * cell_height,
     )
-    axes.ticklabel_format(style="plain", useOffset=False)
-    axes.tick_params(labelsize=6.5, colors=MUTED, length=2.5, pad=2)
-    for spine in axes.spines.values():
-        spine.set(color="#9aa5b1", linewidth=0.6)
-    length_unit = plain(length_unit)
-    axes.set_xlabel(f"{frame.NAMES[level]} ({length_unit})", fontsize=7.5, color=INK, labelpad=2)
-    axes.set_ylabel(f"{frame.NAMES[upright]} ({length_unit})", fontsize=7.5, color=INK, labelpad=1)
-    return image
+    figure = new_figure(size[0], size[1] + head)
+    figure.text(0.15 / size[0], 1 - 0.25 / (size[1] + head), title, fontsize=11, weight="bold",
+                color=INK, va="center", parse_math=False)  # fmt: skip
+    for number, one in enumerate(shown):
+        row, column = divmod(number, columns)
+        if one is not None:
+            corner = column * cell_width, size[1] - row * cell_height
+            planes_row(figure, corner, inches, one, whole=whole)
+    return figure
 
 
 def row_size(grid: VoxelGrid, inches: float) -> tuple[float, float]:
@@ -88,15 +140,11 @@ def planes_row(
     figure: Figure,
     corner: tuple[float, float],
     inches: float,
-    values: NDArray,
-    grid: VoxelGrid,
-    scale: ColourScale,
+    shown: Slices,
     *,
-    heading: str,
-    length_unit: str,
     whole: bool = True,
-) -> Axes:
-    """Draw the three middle planes in a row, and their colour bar; return its axes.
+) -> None:
+    """Draw the three middle planes in a row, and their colour bar.
 
     Parameters
     ----------
@@ -105,70 +153,66 @@ def planes_row(
         The upper left corner of the row, in inches from the figure's lower left.
     inches : float
         For a unit of length.
-    values : (nx, ny, nz)
-    grid : VoxelGrid
-    scale : ColourScale
-        Its title stands beside the bar.
-    heading, length_unit : str
+    shown : Slices
     whole : bool
         Whether the outer halves of the outermost voxels are shown.
     """
-    size = figure.get_size_inches()
+    size, grid = figure.get_size_inches(), shown.volume.grid
     left, top = corner[0] + _LEFT, corner[1] - _TOP
-    figure.text(
-        left / size[0], (corner[1] - 0.25) / size[1], plain(heading), fontsize=9, color=INK
-    )
+    figure.text(left / size[0], (corner[1] - 0.25) / size[1], plain(shown.heading), fontsize=9,
+                color=INK)  # fmt: skip
     tallest = 0.0
-    for picture in middle_planes(values, grid):
-        (level, upright, across), (x0, x1, y0, y1), at = picture[1:]
+    for plane in middle_planes(shown.volume):
+        x0, x1, y0, y1 = plane.extent
         width, height = max((x1 - x0) * inches, _THINNEST), max((y1 - y0) * inches, _THINNEST)
         tallest = max(tallest, height)
         rect = left / size[0], (top - height) / size[1], width / size[0], height / size[1]
         axes = figure.add_axes(rect)
-        image = show_plane(
-            axes, picture, length_unit, lowest=scale.lower, highest=scale.upper,
-            colours=scale.colours,
-        )  # fmt: skip
-        axes.set_aspect("auto")  # a line of voxels is widened until it can be seen
+        image = _show_plane(axes, plane, shown.scale, shown.volume.length_unit)
         if not whole:
-            for axis, limits in ((level, axes.set_xlim), (upright, axes.set_ylim)):
-                half = grid.spacing[axis] / 2 if grid.shape[axis] > 1 else 0.0
-                limits(grid.lower[axis] + half, grid.upper[axis] - half)
-        axes.set_facecolor("#cccccc")
-        few_ticks(axes, width, height)
-        words = f"{frame.NAMES[across]} = {coordinate(at, picture[2])}"
-        axes.set_title(plain(words), fontsize=6.5, color=MUTED, pad=3)
+            half = np.where(np.array(grid.shape) > 1, np.divide(grid.spacing, 2), 0.0)
+            level, upright, _ = plane.axes
+            axes.set_xlim(x0 + half[level], x1 - half[level])
+            axes.set_ylim(y0 + half[upright], y1 - half[upright])
+        _few_ticks(axes, width, height)
         left += width + _BETWEEN
     tall = max(tallest, _SHORTEST_BAR)
     rect = (left - 0.45) / size[0], (top - tall) / size[1], 0.1 / size[0], tall / size[1]
     bar = figure.add_axes(rect)
     figure.colorbar(image, cax=bar)
     bar.tick_params(labelsize=6.5, colors=MUTED, length=2, pad=2)
-    bar.locator_params(axis="y", nbins=max(2, int(tall / 0.35)))
+    are_counts = shown.volume.dtype.kind in "iu"
+    bar.locator_params(axis="y", nbins=max(2, int(tall / 0.35)), integer=are_counts)
     short_numbers(bar)
-    bar.set_ylabel(plain(scale.title), fontsize=6.5, color=INK)
-    return bar
+    bar.set_ylabel(plain(shown.scale.title), fontsize=6.5, color=INK)
 
 
-def few_ticks(axes: Axes, width: float, height: float) -> None:
+def _show_plane(axes: Axes, plane: Plane, scale: ColourScale, length_unit: str) -> AxesImage:
+    """Draw one plane with ticks in world coordinates; a line of voxels is widened to be seen."""
+    image = axes.imshow(
+        plane.values, origin="lower", extent=plane.extent, vmin=scale.lower, vmax=scale.upper,
+        cmap=scale.colours, interpolation="nearest", aspect="auto",
+    )  # fmt: skip
+    axes.ticklabel_format(style="plain", useOffset=False)
+    axes.tick_params(labelsize=6.5, colors=MUTED, length=2.5, pad=2)
+    axes.set_facecolor("#cccccc")
+    for spine in axes.spines.values():
+        spine.set(color="#9aa5b1", linewidth=0.6)
+    level, upright = (f"{frame.NAMES[axis]} ({plain(length_unit)})" for axis in plane.axes[:2])
+    axes.set_xlabel(level, fontsize=7.5, color=INK, labelpad=2)
+    axes.set_ylabel(upright, fontsize=7.5, color=INK, labelpad=1)
+    axes.set_title(plain(plane.name), fontsize=6.5, color=MUTED, pad=3)
+    return image
+
+
+def _few_ticks(axes: Axes, width: float, height: float) -> None:
     """Set as many ticks as a plane's panel, measured in inches, has room for."""
     from matplotlib.ticker import FixedLocator, MaxNLocator
 
-    room = room_of_number(*axes.get_xlim())
+    # inches that a number takes below an axis
+    room = max(0.32, 0.03 + 0.055 * max(len(f"{end:.7g}") for end in axes.get_xlim()))
     for axis, most in ((axes.xaxis, int(width / room)), (axes.yaxis, int(height / 0.28))):
         if most > 0:
             axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
         else:  # even one step of MaxNLocator has two ends
             axis.set_major_locator(FixedLocator([sum(axis.get_view_interval()) / 2]))
-
-
-def room_of_number(*ends: float) -> float:
-    """Return the inches that a number takes below an axis between such ends."""
-    return max(0.32, 0.03 + 0.055 * max(len(f"{end:.7g}") for end in ends))
-
-
-def coordinate(at: float, extent: tuple[float, float, float, float]) -> str:
-    """Return a coordinate to a thousandth of the picture's size, wherever the origin is."""
-    size = max(extent[1] - extent[0], extent[3] - extent[2])
-    beyond = math.ceil(math.log10(max(abs(at) / size, 1.0)))
-    return f"{at:.{3 + beyond}g}"

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 from rigs.files import atomic_path
 from tomo.draw.emission import LIGHT, Looks, turning_gif
+from tomo.draw.figures import save_figure
 from tomo.draw.scene import Scene
 from tomo.draw.suffixes import TURNING, suffix_of
 from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 if TYPE_CHECKING:
     from tomo.draw.volume.given import GivenVolume
@@ -49,31 +50,26 @@ def visualize_volume(
         If the suffix is another, or the volume has no grid or no finite value.
     """
     suffix, own = suffix_of(path, TURNING), volume_of(volume, grid)
-    unit = length_unit or own.length_unit or "mm"
     value_unit = own.value_unit if value_unit is None else value_unit
+    own = Volume(own, own.grid, length_unit or own.length_unit, value_unit)
     title = title or Path(path).stem
     if suffix == ".png":
-        from tomo.draw.volume.volume_picture import write_volume_picture
+        from tomo.draw.volume.volume_picture import draw_volume
 
-        write_volume_picture(
-            path, own.data, own.grid, length_unit=unit, value_unit=value_unit, title=title,
-            looks=looks,
-        )  # fmt: skip
-        return
-    if suffix == TURNING:
+        save_figure(draw_volume(own, title=title, looks=looks), path)
+    elif suffix == TURNING:
         with atomic_path(path) as temporary:
-            temporary.write_bytes(turning_gif(own.data, own.grid, colours=looks.colours))
-        return
-    if suffix == ".glb":
+            temporary.write_bytes(turning_gif(own, colours=looks.colours))
+    elif suffix == ".glb":
         from tomo.draw.rig.rig_scene import volume_scene
         from tomo.draw.volume.isosurface import isosurface_scene
         from tomo.draw.write_glb import write_glb
 
-        scene = volume_scene(own.grid, unit)
-        write_glb(path, scene + isosurface_scene(own.data, own.grid, unit, looks.levels or LEVELS))
-        return
-    from tomo.draw.stage import Shown
-    from tomo.draw.write_html import write_html
+        box = volume_scene(own.grid, own.length_unit)
+        write_glb(path, box + isosurface_scene(own, looks.levels or LEVELS))
+    else:
+        from tomo.draw.stage import Shown
+        from tomo.draw.write_html import write_html
 
-    shown = Shown((own.data,), own.grid, value_unit, looks=looks)
-    write_html(path, Scene(length_unit=unit), title=title, shown=shown)
+        scene = Scene(length_unit=own.length_unit)
+        write_html(path, scene, title=title, shown=Shown((own,), looks=looks))
