@@ -23,7 +23,7 @@ EYE = (28.0, 12.0)
 """Azimuth and elevation in degrees from which a volume alone is seen: nearly level, as a camera
 beside a flame."""
 
-_SMALL, _ENOUGH_VOXELS = (64, 64), 100_000
+_SMALL, _ENOUGH_VOXELS = (64, 64), 1_000_000
 """Pixels and voxels of the pictures that find the brightest integral."""
 
 _FINE_PIXELS, _MOST_VOXELS = 3.0, 16_000_000

@@ -169,7 +169,7 @@ class VolumeComparison:
                 "title": "Middle planes",
                 "data": embedded(png_bytes(self.draw())),
                 "alt": f"Three planes of {first}, of {second} and of their difference",
-                "caption": f"Both on one scale; right, {second} less {first}, red where more.",
+                "caption": f"Both on one scale; last {second} less {first}, red where more.",
             },
             titles=[
                 "Volume",

@@ -14,8 +14,8 @@ from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.targets import Chessboard
 from tomo.draw.calibration import write_calibration_page
 from tomo.draw.calibration.calibration_figures import draw_worst, worst_images
-from tomo.draw.rig.targets import calibration_targets
 from tomo.draw.figures import png_bytes
+from tomo.draw.rig.targets import calibration_targets
 
 BOARD = Chessboard(6, 5, 22.0)
 FRAMES = 10
@@ -80,7 +80,9 @@ def rows(page, heading):
 def test_the_assessment_and_every_finding_stand_on_the_page(page, calibration):
     text = html.unescape(re.sub("<[^>]*>", "", page.split("<h2>")[0]))
     first, *rest = calibration.assessment.split("\n")
-    assert first in " ".join(text.split())
+    word, _, words = first.partition(": ")
+    assert f">{word.capitalize()}</span>" in page
+    assert words in " ".join(text.split())
     assert rest
     for finding in rest:
         assert finding in text
@@ -105,7 +107,7 @@ def test_the_tables_hold_every_camera_and_frame_with_its_own_residual(page, cali
 
 def test_the_guilty_camera_is_marked_and_no_other(page):
     table = page.split("<h2>Cameras</h2>")[1].split("</table>")[0]
-    assert re.findall('class="blamed"><th scope="row">(.*?)<', table) == ["cam&lt;1&gt;"]
+    assert re.findall('class="held-out"><th scope="row">(.*?)<', table) == ["cam&lt;1&gt;"]
 
 
 def drawn(page):

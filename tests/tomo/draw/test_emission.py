@@ -16,7 +16,7 @@ from tomo.draw.emission import (
 )
 from tomo.draw.frame import Up
 from tomo.draw.scene import ColourScale
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((12, 20, 16), (0.5, 1.0, 0.75), (10.0, 20.0, 30.0))
 UPS = [Up(), Up(2), Up(0, -1)]
@@ -29,7 +29,7 @@ def test_the_middle_of_a_uniform_volume_is_its_chord(up):
     direction = viewpoint.directions(pixel[None].astype(float))[0]
     both = np.stack([GRID.lower - viewpoint.eye, GRID.upper - viewpoint.eye]) / direction
     chord = both.max(axis=0).min() - both.min(axis=0).max()
-    image = emission_image(np.full(GRID.shape, 3.0), GRID, viewpoint)
+    image = emission_image(Volume(np.full(GRID.shape, 3.0), GRID), viewpoint)
     assert image[pixel[1], pixel[0]] == pytest.approx(3 * chord, rel=1e-3)
 
 
@@ -39,7 +39,7 @@ def test_a_bright_voxel_is_where_its_centre_is_seen(up):
     for voxel in ((1, 17, 3), (10, 2, 14)):
         data = np.zeros(GRID.shape, np.float32)
         data[voxel] = 1.0
-        image = emission_image(data, GRID, viewpoint)
+        image = emission_image(Volume(data, GRID), viewpoint)
         v, u = np.mgrid[: image.shape[0], : image.shape[1]]
         middle = [(image * u).sum() / image.sum(), (image * v).sum() / image.sum()]
         expected = viewpoint.project(GRID.centers()[voxel])[0]
@@ -50,15 +50,30 @@ def test_from_afar_the_light_of_all_pixels_is_the_total_emission():
     around = (GRID.centers() - GRID.center) / GRID.extent
     data = np.exp(-((around * 6) ** 2).sum(axis=-1)).astype(np.float32)
     viewpoint = eye_of(GRID, (200, 200))
-    found = emission_image(data, GRID, viewpoint).sum() * viewpoint.pixel_at(GRID.center) ** 2
+    found = (
+        emission_image(Volume(data, GRID), viewpoint).sum() * viewpoint.pixel_at(GRID.center) ** 2
+    )
     assert found == pytest.approx(data.sum() * np.prod(GRID.spacing), rel=0.02)
 
 
 def test_what_is_not_finite_is_dark():
     data = np.full(GRID.shape, np.nan)
     data[0] = np.inf
-    assert (emission_image(data, GRID, eye_of(GRID, (20, 20))) == 0).all()
-    assert brightest_integral(np.zeros(GRID.shape), GRID, Up()) == 1
+    assert (emission_image(Volume(data, GRID), eye_of(GRID, (20, 20))) == 0).all()
+    assert brightest_integral(Volume(np.zeros(GRID.shape), GRID), Up()) == 1
+
+
+@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (30, 140, 30), (200, 200, 60)])
+@pytest.mark.parametrize("up", UPS)
+def test_colours_end_little_above_what_is_seen_of_flat_volumes_too(shape, up):
+    grid = VoxelGrid(shape, 1.0)
+    data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
+    full = brightest_integral(Volume(data, grid), up)
+    seen = [
+        emission_image(Volume(data, grid), eye_of(grid, (200, 200), azimuth, up)).max()
+        for azimuth in (28.0, 73.0, 118.0, 163.0)
+    ]
+    assert 0.7 * full < max(seen) < 1.05 * full
 
 
 @pytest.mark.parametrize("most", [1e-30, 0.99, 1.0, 7.1, 3e20])
@@ -71,7 +86,8 @@ def test_a_scale_ends_at_or_little_above_the_largest(most):
 def test_an_animation_turns_once_in_the_colours_of_the_map():
     data = np.zeros(GRID.shape, np.float32)
     data[9:, 8:12, 12:] = 1.0
-    film = Image.open(io.BytesIO(turning_gif(data, GRID, colours="viridis", height=60, frames=8)))
+    made = turning_gif(Volume(data, GRID), colours="viridis", height=60, frames=8)
+    film = Image.open(io.BytesIO(made))
     assert film.n_frames == 8
     assert film.info["loop"] == 0
     pictures = []

@@ -6,11 +6,11 @@ import pytest
 
 from tomo.draw import Scene
 from tomo.draw.film.chart import BINS, HIGH, WIDE, chart, polylines
-from tomo.draw.film.player import MOST_FRAMES, film_of
+from tomo.draw.film.visualize import MOST_FRAMES, film_of
 from tomo.draw.scene import ColourScale
 from tomo.draw.stage import MOST_VOXELS, fitting, stage
 from tomo.draw.volume.isosurface import reference_value
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((6, 9, 4), (1.0, 0.5, 2.0), (0.0, 3.0, 0.0))
 
@@ -18,14 +18,14 @@ GRID = VoxelGrid((6, 9, 4), (1.0, 0.5, 2.0), (0.0, 3.0, 0.0))
 def volume_of(time):
     volume = np.zeros(GRID.shape, np.float32)
     volume[time % 6, 7, 1] = 2.0 + time
-    return volume
+    return Volume(volume, GRID, value_unit="W/m^3")
 
 
 @pytest.fixture(scope="module")
 def film():
     """Return the data that a page has of a film of six frames."""
     moments = [(f"frame {time}", time / 5, volume_of(time)) for time in range(6)]
-    shown = film_of(moments, 6, GRID, "W/m^3")
+    shown = film_of(moments, 6)
     return json.loads(stage(Scene(), shown=shown)["data"])
 
 
@@ -53,8 +53,8 @@ def test_the_page_has_the_colours_of_the_scale(film):
 
 
 def test_voxels_that_nobody_sees_are_dark():
-    volume = np.full(GRID.shape, np.nan, np.float32)
-    data = json.loads(stage(Scene(), shown=film_of([("a", 0.0, volume)], 1, GRID))["data"])
+    volume = Volume(np.full(GRID.shape, np.nan, np.float32), GRID)
+    data = json.loads(stage(Scene(), shown=film_of([("a", 0.0, volume)], 1))["data"])
     assert (numbers(data["volume"]["frames"][0]) == 0).all()
 
 
@@ -63,15 +63,14 @@ def test_a_film_of_large_volumes_fits_into_a_page(shape):
     """However flat they are."""
     grid = VoxelGrid(shape, 1.0)
     volume = np.lib.stride_tricks.as_strided(np.ones(1, np.float32), shape, (0, 0, 0))
-    small, coarse = fitting(volume, grid, MOST_FRAMES)
-    assert small.shape == coarse.shape
+    coarse = fitting(Volume(volume, grid), MOST_FRAMES).grid
     assert MOST_FRAMES * coarse.size <= MOST_VOXELS
     assert 4 * MOST_FRAMES * coarse.size >= MOST_VOXELS / 8  # and no coarser than that
 
 
 def test_a_film_without_a_frame_is_refused():
     with pytest.raises(ValueError, match="film: found no frame"):
-        film_of([], 0, GRID)
+        film_of([], 0)
 
 
 def test_curves_have_few_points_and_lose_no_extreme():

@@ -3,7 +3,7 @@ import pytest
 
 from tomo.draw import Mesh
 from tomo.draw.volume import coarsened, isosurface, isosurface_scene
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 # Different counts, spacings and offsets along every axis: no mix-up of axes can pass.
 GRID = VoxelGrid((30, 52, 41), (0.5, 0.25, 0.4), (3.0, -7.0, 11.0))
@@ -47,10 +47,12 @@ def test_bad_level_and_shape_are_refused():
 
 
 def test_dark_volume_has_no_surface_and_a_hot_voxel_hides_nothing():
-    assert not isosurface_scene(np.zeros(GRID.shape), GRID).meshes
+    assert not isosurface_scene(Volume(np.zeros(GRID.shape), GRID)).meshes
     hot = ball()
     hot[0, 0, 0] = 1e6
-    extents = [np.ptp(m.vertices, axis=0).min() for m in isosurface_scene(hot, GRID).meshes]
+    extents = [
+        np.ptp(m.vertices, axis=0).min() for m in isosurface_scene(Volume(hot, GRID)).meshes
+    ]
     assert len(extents) == 3
     assert max(extents) > 1.0
 
@@ -58,11 +60,11 @@ def test_dark_volume_has_no_surface_and_a_hot_voxel_hides_nothing():
 def test_coarsening_keeps_the_integral_and_the_place():
     grid = VoxelGrid((8, 12, 16), (0.5, 0.25, 0.4), (1, 2, 3))
     data = np.random.default_rng(0).random(grid.shape).astype(np.float32)
-    small, small_grid = coarsened(data, grid, max_voxels=grid.size // 8)
-    assert small_grid.shape == (4, 6, 8)
-    np.testing.assert_allclose(small_grid.lower, grid.lower)
-    np.testing.assert_allclose(small_grid.upper, grid.upper)
+    small = coarsened(Volume(data, grid), max_voxels=grid.size // 8)
+    assert small.grid.shape == (4, 6, 8)
+    np.testing.assert_allclose(small.grid.lower, grid.lower)
+    np.testing.assert_allclose(small.grid.upper, grid.upper)
     np.testing.assert_allclose(
         small, grid.average(data, 1).reshape(4, 2, 6, 2, 8, 2).mean((1, 3, 5)), rtol=1e-5
     )
-    assert coarsened(data, grid)[1] == grid
+    assert coarsened(Volume(data, grid)).grid == grid

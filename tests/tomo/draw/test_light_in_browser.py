@@ -9,10 +9,10 @@ import pytest
 
 from tomo.draw import Scene, visualize_volume, write_html
 from tomo.draw.emission import Looks, emission_image, eye_of
-from tomo.draw.film.player import film_of
+from tomo.draw.film.visualize import film_of
 from tomo.draw.frame import Up
 from tomo.draw.stage import Shown
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((14, 30, 18), (0.5, 0.4, 0.6), (3.0, -20.0, 8.0))
 HOSTILE = "</script><b>x & 'y'"
@@ -28,7 +28,7 @@ const brightest = () => {
 def flame():
     x, y, z = np.moveaxis(GRID.centers() - GRID.center, -1, 0)
     rim = np.exp(-((np.hypot(x - 0.4 * np.sin(y), z) - 2.0) ** 2))
-    return (rim * np.exp(-((y + 1) ** 2) / 20)).astype(np.float32)
+    return Volume((rim * np.exp(-((y + 1) ** 2) / 20)).astype(np.float32), GRID)
 
 
 def drawn(page):
@@ -39,7 +39,7 @@ def drawn(page):
 @pytest.mark.parametrize(("azimuth", "up"), [(28.0, Up()), (100.0, Up(2, -1)), (0.0, Up(1, -1))])
 def test_line_integrals_are_the_operator_s_own(open_page, tmp_path, azimuth, up):
     """The mean difference for the same 8 bits and camera is at most 1 % of the brightest."""
-    write_html(tmp_path / "a.html", Scene(), up=up, shown=Shown((flame(),), GRID))
+    write_html(tmp_path / "a.html", Scene(), up=up, shown=Shown((flame(),)))
     volume = drawn((tmp_path / "a.html").read_text("utf-8"))["volume"]
     eight_bits = np.frombuffer(base64.b64decode(volume["frames"][0]), np.uint8)
     values = eight_bits.reshape(GRID.shape) * np.float32(volume["highest"] / 255)
@@ -59,7 +59,7 @@ def test_line_integrals_are_the_operator_s_own(open_page, tmp_path, azimuth, up)
         return [...light.integrals({json.dumps(view)})];
         """
     )
-    expected = emission_image(values, GRID, viewpoint)
+    expected = emission_image(Volume(values, GRID), viewpoint)
     difference = np.abs(np.reshape(found, (320, 240)) - expected)
     assert expected.max() > 1
     assert difference.mean() < 0.01 * expected.max()
@@ -67,7 +67,7 @@ def test_line_integrals_are_the_operator_s_own(open_page, tmp_path, azimuth, up)
 
 
 def test_what_turns_and_cuts_and_passes_a_threshold_is_what_the_numbers_say(open_page, tmp_path):
-    write_html(tmp_path / "a.html", Scene(), shown=Shown((np.ones(GRID.shape),), GRID))
+    write_html(tmp_path / "a.html", Scene(), shown=Shown((Volume(np.ones(GRID.shape), GRID),)))
     whole, half, dark, named = open_page(tmp_path / "a.html").evaluate(
         """
         const stage = stages[0], { canvas } = stage, view = stage.view();
@@ -95,7 +95,7 @@ def test_what_turns_and_cuts_and_passes_a_threshold_is_what_the_numbers_say(open
 def test_dark_and_tiny_volumes_are_shown(open_page, tmp_path, shape, value):
     grid = VoxelGrid(shape, 2.0)
     volume = np.full(shape, value, np.float32)
-    write_html(tmp_path / "a.html", Scene(), shown=Shown((volume,), grid))
+    write_html(tmp_path / "a.html", Scene(), shown=Shown((Volume(volume, grid),)))
     most = open_page(tmp_path / "a.html").evaluate(f"{BRIGHTEST} return brightest();")
     longest = float(np.linalg.norm(grid.extent)) * value
     assert most <= 1.01 * longest
@@ -105,7 +105,7 @@ def test_dark_and_tiny_volumes_are_shown(open_page, tmp_path, shape, value):
 def test_a_large_volume_is_shown_coarser_and_the_page_says_so(tmp_path):
     grid = VoxelGrid((512, 512, 512), 0.1)
     volume = np.lib.stride_tricks.as_strided(np.ones(1, np.float32), grid.shape, (0, 0, 0))
-    write_html(tmp_path / "a.html", Scene(), shown=Shown((volume,), grid))
+    write_html(tmp_path / "a.html", Scene(), shown=Shown((Volume(volume, grid),)))
     page = (tmp_path / "a.html").read_text("utf-8")
     assert len(page) < 9e6
     assert "means of blocks of the volume's 512 x 512 x 512" in drawn(page)["note"]
@@ -115,7 +115,7 @@ def test_a_large_volume_is_shown_coarser_and_the_page_says_so(tmp_path):
 @pytest.mark.parametrize("levels", [(), (0.2, 0.6)])
 def test_a_page_opens_as_asked_and_fits(open_page, tmp_path, width, levels):
     looks = Looks(levels, "viridis")
-    visualize_volume(tmp_path / "a.html", flame(), GRID, title=HOSTILE, looks=looks)
+    visualize_volume(tmp_path / "a.html", flame(), title=HOSTILE, looks=looks)
     opened = open_page(tmp_path / "a.html", (width, 800))
     found = opened.evaluate(
         "return [document.querySelector('h1').textContent, [...stages[0].visible()],"
@@ -128,7 +128,7 @@ def test_a_page_opens_as_asked_and_fits(open_page, tmp_path, width, levels):
 
 
 def test_without_webgl_a_picture_stands_in(browser, open_page, tmp_path):
-    visualize_volume(tmp_path / "a.html", flame(), GRID)
+    visualize_volume(tmp_path / "a.html", flame())
     without = "HTMLCanvasElement.prototype.getContext = () => null;"
     added = browser.command("Page.addScriptToEvaluateOnNewDocument", source=without)
     try:
@@ -147,8 +147,11 @@ def test_without_webgl_a_picture_stands_in(browser, open_page, tmp_path):
 
 @pytest.mark.parametrize("count", [1, 6])
 def test_a_film_plays_and_pauses_and_follows_the_slider(open_page, tmp_path, count):
-    moments = [(f"{HOSTILE} {time}", time / 5, flame() * (1 + time)) for time in range(count)]
-    film = film_of(moments, count, GRID, HOSTILE)
+    moments = [
+        (f"{HOSTILE} {time}", time / 5, flame().like(flame() * (1 + time), HOSTILE))
+        for time in range(count)
+    ]
+    film = film_of(moments, count)
     write_html(tmp_path / "film.html", Scene(), title=HOSTILE, shown=film, note="All frames.")
     page = open_page(tmp_path / "film.html", (400, 800))
     assert page.evaluate("return document.querySelector('h1').textContent;") == HOSTILE

@@ -5,19 +5,20 @@ import numpy as np
 import pytest
 import trimesh
 
-from rigs import look_at, ring
+from rigs import check_rig, look_at, ring
+from rigs.check.in_volume import lattice
 from tomo.draw import Scene, Viewpoint, write_glb
+from tomo.draw.figures import save_figure
 from tomo.draw.raycast import render
 from tomo.draw.rig.coverage_maps import (
-    coverage_grid,
     coverage_maps,
     coverage_scene,
-    write_coverage,
+    draw_coverage,
 )
-from tomo.draw.rig.rig_page import check_on_grid, target_scene
+from tomo.draw.rig.targets import target_scene
 from tomo.draw.scene import ColourScale
 from tomo.draw.volume.maps import lattice_triangles, map_scene
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((5, 8, 6), (1.0, 0.5, 2.0), (1.0, 2.0, 3.0))
 
@@ -25,7 +26,7 @@ GRID = VoxelGrid((5, 8, 6), (1.0, 0.5, 2.0), (1.0, 2.0, 3.0))
 def test_planes_carry_the_volume_s_own_values():
     x, y, z = np.moveaxis(GRID.centers(), -1, 0)
     values = 2 * x - 3 * y + z  # linear: the mean of two layers is the value between them
-    scene = map_scene(values, GRID, "field", ColourScale.of("field", values))
+    scene = map_scene(Volume(values, GRID), "field", ColourScale.of("field", values))
     assert scene.groups == ("map: field",)
     assert [mesh.name.split(", ")[1][0] for mesh in scene.meshes] == ["x", "y", "z"]
     for axis, mesh in enumerate(scene.meshes):
@@ -45,10 +46,8 @@ def test_a_lattice_is_covered_once():
 
 def test_a_flat_box_has_the_planes_it_can():
     flat = VoxelGrid((5, 1, 6), 1.0)
-    scene = map_scene(np.ones(flat.shape), flat, "m", ColourScale("m", 0, 2))
+    scene = map_scene(Volume(np.ones(flat.shape), flat), "m", ColourScale("m", 0, 2))
     assert len(scene.meshes) == 1
-    with pytest.raises(ValueError, match="values: found shape"):
-        map_scene(np.ones((2, 2, 2)), flat, "m", ColourScale("m", 0, 2))
 
 
 def test_a_scale_spans_what_there_is():
@@ -64,7 +63,7 @@ def test_a_scale_spans_what_there_is():
 def test_values_are_the_same_colours_in_a_picture_and_in_glb(tmp_path):
     values = np.full(GRID.shape, 0.25)
     scale = ColourScale("m", 0.0, 1.0, "viridis")
-    scene = map_scene(values, GRID, "m", scale)
+    scene = map_scene(Volume(values, GRID), "m", scale)
     viewpoint = Viewpoint.framing(scene.bounds, (0.3, 0.4, 1.0), (0, 1, 0), (60, 60))
     middle = render(scene, viewpoint, 1)[30, 30]
     np.testing.assert_allclose(middle, scale(np.array(0.25)), atol=0.01)  # no shading
@@ -77,7 +76,8 @@ def test_values_are_the_same_colours_in_a_picture_and_in_glb(tmp_path):
 @pytest.mark.parametrize("shape", [(30, 140, 30), (200, 200, 200), (2, 3, 1), (7, 400, 7)])
 def test_points_of_a_check_reach_the_outermost_voxels_and_the_middle(shape):
     grid = VoxelGrid(shape, (0.5, 0.25, 1.0), (1.0, 2.0, 3.0))
-    coarse = coverage_grid(grid)
+    box = lattice(grid)
+    coarse = VoxelGrid(box.shape, box.spacing, box.center)
     assert coarse.size <= 3000
     for axis, (wanted, found) in enumerate(zip(grid.axes(), coarse.axes(), strict=True)):
         if shape[axis] > 1:
@@ -91,26 +91,24 @@ def test_points_of_a_check_reach_the_outermost_voxels_and_the_middle(shape):
 def checked():
     grid = VoxelGrid((20, 60, 20), 0.5)
     rig = ring(5, distance=300.0, image_size=(90, 90), footprint=0.3, pitch_degrees=5.0)
-    return rig, grid, *check_on_grid(rig, grid)
+    return check_rig(rig, grid)
 
 
 def test_coverage_is_mapped_with_what_is_known(checked):
-    rig, _, check, coarse = checked
-    maps = coverage_maps(check, coarse)
+    maps = coverage_maps(checked)
     assert [shown.name for shown in maps] == ["views", "details", "pixel size", "ray-miss"]
     views = maps[0].values
-    assert views[tuple(n // 2 for n in coarse.shape)] == 5
+    assert views[tuple(n // 2 for n in views.shape)] == 5
     assert views[:, 0].max() == 0  # the ends of the box are outside every image
     assert np.nanmedian(maps[2].values) == pytest.approx(0.6, rel=0.05)
-    scene = coverage_scene(maps, coarse, rig.length_unit)
+    scene = coverage_scene(maps)
     assert scene.groups == tuple(f"map: {shown.name}" for shown in maps)
     assert isinstance(scene, Scene)
 
 
 def test_the_maps_picture_shows_the_unseen_ends(checked, tmp_path):
-    _, _, check, coarse = checked
-    maps = coverage_maps(check, coarse)
-    write_coverage(tmp_path / "maps.png", maps, coarse, title="<$x^$>")
+    maps = coverage_maps(checked)
+    save_figure(draw_coverage(maps, title="<$x^$>"), tmp_path / "maps.png")
     picture = matplotlib.image.imread(tmp_path / "maps.png")[..., :3]
     assert min(picture.shape[:2]) > 500
     for values in (0.0, 5.0):  # the colours of no view and of all

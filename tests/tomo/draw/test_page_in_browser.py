@@ -4,15 +4,16 @@ import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, Rig, look_at, ring
+from rigs.check import check_rig
 from tomo.draw import Scene, write_html
 from tomo.draw.rig import rig_scene
 from tomo.draw.rig.camera_view import camera_views
 from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
-from tomo.draw.rig.rig_page import check_on_grid, check_table
+from tomo.draw.rig.rig_page import check_table
 from tomo.draw.rig.rig_scene import Target, up_of
 from tomo.draw.rig.thumbnails import image_scene
 from tomo.draw.stage import Shown
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((12, 20, 12), 1.0, (3.0, 0.0, -2.0))
 HOSTILE = "<img src=x onerror=alert(1)> & 'x'"
@@ -50,10 +51,9 @@ def page(lenses, tmp_path_factory):
     images = {
         name: np.uint8(np.linspace(0, 255, 64 * 48)).reshape(48, 64) for name in lenses.names[:2]
     }
-    check, coarse = check_on_grid(lenses, GRID)
-    maps = coverage_maps(check, coarse)
+    check = check_rig(lenses, GRID)
     volume = np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 9).astype(np.float32)
-    scene = rig_scene(lenses, GRID) + coverage_scene(maps, coarse)
+    scene = rig_scene(lenses, GRID) + coverage_scene(coverage_maps(check))
     scene += image_scene(lenses, Target.of(lenses, GRID), images)
     write_html(
         path,
@@ -61,7 +61,7 @@ def page(lenses, tmp_path_factory):
         title="five lenses",
         up=up_of(lenses),
         grid=GRID,
-        shown=Shown((volume,), GRID),
+        shown=Shown((Volume(volume, GRID),)),
         views=camera_views(lenses, GRID, images),
         tables=[check_table(check)],
     )
@@ -341,7 +341,7 @@ def test_the_whole_box_is_in_the_pane_at_first_and_after_a_zoom(open_page, tmp_p
     grid = VoxelGrid(shape, 1.0, (3.0, 0.0, -2.0))
     rig = ring(6, distance=400.0, image_size=(64, 64), footprint=0.5, center=grid.center)
     data = np.ones(shape, np.float32)
-    write_html(tmp_path / "volume.html", Scene(), shown=Shown((data,), grid))
+    write_html(tmp_path / "volume.html", Scene(), shown=Shown((Volume(data, grid),)))
     write_html(tmp_path / "rig.html", rig_scene(rig, grid), grid=grid)
     corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
     seen = f"""

@@ -6,7 +6,8 @@ from rigs.scene import Cylinder, Glass, Mesh, Opaque, Sphere, Window
 from tomo.draw.rig import frustum, rig_scene
 from tomo.draw.rig.rig_scene import Target, border_rays, elevation_of, up_of
 from tomo.draw.rig.solids import triangles_of
-from tomo.grid import VoxelGrid
+from tomo.draw.volume import isosurface_scene
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75), (1.0, 2.0, 3.0))
 
@@ -73,7 +74,7 @@ def test_sight_lines_point_from_the_camera_to_the_target_and_stay_outside_the_bo
 def test_box_bounds_are_the_grid_s_and_the_volume_lies_inside():
     volume = np.zeros(GRID.shape, np.float32)
     volume[2:4, 5:9, 3:6] = 1
-    scene = rig_scene(Rig((camera(),)), GRID, volume)
+    scene = rig_scene(Rig((camera(),)), GRID) + isosurface_scene(Volume(volume, GRID))
     bounds = scene.only(["box"]).bounds
     np.testing.assert_allclose(bounds, [GRID.lower, GRID.upper], atol=0.05)
     surfaces = [g for g in scene.groups if g.startswith("isosurface")]
@@ -112,11 +113,9 @@ def test_elevation_is_the_angle_above_the_target():
     assert elevation_of(rig[0], Target.of(rig, GRID), up_of(rig)) == pytest.approx(45)
 
 
-def test_empty_rig_and_volume_without_grid_are_refused():
+def test_an_empty_rig_is_refused():
     with pytest.raises(ValueError, match="rig: found no camera"):
         rig_scene(Rig(()))
-    with pytest.raises(ValueError, match="without a grid"):
-        rig_scene(Rig((camera(),)), volume=np.zeros((2, 2, 2)))
 
 
 class Ring:

@@ -9,14 +9,16 @@ from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume import draw_volume
 from tomo.draw.volume.planes import middle_planes
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((4, 7, 5), (0.5, 1.0, 2.0), (10.0, 20.0, 30.0))
 
 
 def test_planes_show_each_value_at_its_place():
     field = GRID.centers() @ [1.0, 100.0, 10_000.0]  # tells all three coordinates apart
-    for values, (level, upright, across), extent, at in middle_planes(field, GRID):
+    for plane in middle_planes(Volume(field, GRID)):
+        values, (level, upright, across) = plane.values, plane.axes
+        extent, at = plane.extent, plane.at
         rows, columns = GRID.shape[upright], GRID.shape[level]
         assert values.shape == (rows, columns)
         assert at == GRID.center[across]
@@ -41,7 +43,7 @@ def test_words_and_scales_of_a_slice_can_be_read(shape):
     """
     grid = VoxelGrid(shape, 1.0)
     data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
-    figure = draw_volume(data, grid, supersample=1)
+    figure = draw_volume(Volume(data, grid))
     figure.canvas.draw()
     planes, (bar,) = parts(figure)
     assert len(planes) == 3
@@ -68,13 +70,13 @@ def test_light_across_a_thin_volume_can_be_seen(shape):
     """It reaches the upper part of its colour scale, and does not leave it."""
     grid = VoxelGrid(shape, 1.0)
     data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
-    figure = draw_volume(data, grid, supersample=1)
+    figure = draw_volume(Volume(data, grid))
     light = figure.axes[0]
     (bar,) = light.child_axes
     viewpoint = Viewpoint.framing(
         box_corners(grid.lower, grid.upper), Up().eye_direction(*EYE), (0, 1, 0), (200, 200)
     )
-    brightest = emission_image(data, grid, viewpoint).max()
+    brightest = emission_image(Volume(data, grid), viewpoint).max()
     low, high = bar.get_ylim()
     assert low == 0
     assert 0.25 * high <= brightest <= 1.01 * high
@@ -82,7 +84,7 @@ def test_light_across_a_thin_volume_can_be_seen(shape):
 
 def test_emission_is_shown_from_zero():
     for data, ends in ((np.full(GRID.shape, 4.0), (0, 4)), (np.zeros(GRID.shape), (0, 1))):
-        planes, _ = parts(draw_volume(data, GRID, supersample=1))
+        planes, _ = parts(draw_volume(Volume(data, GRID)))
         assert {axes.get_images()[0].get_clim() for axes in planes} == {ends}
 
 
@@ -90,7 +92,7 @@ def test_far_from_the_origin_coordinates_are_written_out():
     """No plane's numbers are differences from one that stands aside, or rounded beyond use."""
     grid = VoxelGrid((20, 24, 16), 1.0, (100_000.0, -300_000.0, 200_000.5))
     data = np.ones(grid.shape, np.float32)
-    figure = draw_volume(data, grid, supersample=1)
+    figure = draw_volume(Volume(data, grid))
     figure.canvas.draw()
     planes, _ = parts(figure)
     names = [axes.title.get_text() for axes in planes]

@@ -7,13 +7,16 @@ import pytest
 import trimesh
 
 from rigs import Camera, Rig, look_at
-from tomo.draw import Mesh, Scene, write_glb, write_html
-from tomo.draw.rig import draw_rig, rig_scene, write_rig
+from tomo.draw import Mesh, Scene, visualize_volume, write_glb, write_html
+from tomo.draw.figures import save_figure
+from tomo.draw.rig import draw_rig, rig_scene
 from tomo.draw.stage import Shown
-from tomo.draw.volume import write_volume_picture
-from tomo.grid import VoxelGrid
+from tomo.draw.volume import isosurface_scene
+from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75), (1.0, 2.0, 3.0))
+pytestmark = pytest.mark.usefixtures("coarse_scenes")
+
 HOSTILE = "<img src=x onerror=alert(1)> $x^$"
 
 
@@ -30,7 +33,8 @@ def rig_of(*names, distance=100.0):
 
 @pytest.fixture(scope="module")
 def volume():
-    return np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 4).astype(np.float32)
+    values = np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 4)
+    return Volume(values.astype(np.float32), GRID)
 
 
 def loads(page):
@@ -40,7 +44,7 @@ def loads(page):
 
 
 def test_glb_is_the_scene_in_metres(tmp_path, volume):
-    scene = rig_scene(rig_of("a", "b", "c"), GRID, volume)
+    scene = rig_scene(rig_of("a", "b", "c"), GRID) + isosurface_scene(volume)
     write_glb(tmp_path / "rig.glb", scene)
     loaded = trimesh.load(tmp_path / "rig.glb")
     np.testing.assert_allclose(loaded.bounds, scene.without("stems").bounds / 1000, atol=1e-6)
@@ -68,7 +72,7 @@ def normals_in(path):
 
 def test_normals_in_a_glb_are_unit_vectors(tmp_path, volume):
     """As Khronos' validator asks; tips of arrows have no face with an area around them."""
-    scene = rig_scene(rig_of("a", "b", "c"), GRID, volume)
+    scene = rig_scene(rig_of("a", "b", "c"), GRID) + isosurface_scene(volume)
     needle = Mesh("needle", "odd", np.eye(3)[[0, 0, 1]], np.array([[0, 1, 2]]), (1, 0, 0))
     write_glb(tmp_path / "rig.glb", scene + Scene((needle,), (), scene.length_unit))
     lengths = np.linalg.norm(normals_in(tmp_path / "rig.glb"), axis=1)
@@ -79,7 +83,7 @@ def test_normals_in_a_glb_are_unit_vectors(tmp_path, volume):
 def test_html_names_the_cameras_and_loads_nothing(tmp_path, volume):
     rig = rig_of("left eye", "right eye")
     path = tmp_path / "rig.html"
-    write_html(path, rig_scene(rig, GRID), title="my rig", shown=Shown((volume,), GRID))
+    write_html(path, rig_scene(rig, GRID), title="my rig", shown=Shown((volume,)))
     page = path.read_text(encoding="utf-8")
     (data,) = re.findall(r'"application/json">(.*?)</script>', page, re.DOTALL)
     stage = json.loads(data)
@@ -111,7 +115,7 @@ def test_rig_png_has_its_size_and_content(tmp_path, volume, count):
 
     path = tmp_path / "rig.png"
     names = [HOSTILE, "b", "c", "d", "e"][:count]
-    write_rig(path, rig_of(*names), grid=GRID, volume=volume, supersample=1)
+    save_figure(draw_rig(rig_of(*names), volume=volume), path)
     picture = matplotlib.image.imread(path)[..., :3]
     assert picture.shape == (1200, 2200, 3)
     assert 0.01 < (picture.min(axis=2) < 0.9).mean() < 0.6
@@ -120,7 +124,7 @@ def test_rig_png_has_its_size_and_content(tmp_path, volume, count):
 
 def test_no_two_names_overlap_in_the_picture():
     names = [f"camera{i:02d}" for i in range(30)]
-    figure = draw_rig(rig_of(*names), GRID, supersample=1)
+    figure = draw_rig(rig_of(*names), GRID)
     overview = figure.axes[0]
     boxes = [t.get_window_extent() for t in overview.texts]
     written = {t.get_text() for t in overview.texts}
@@ -131,27 +135,27 @@ def test_no_two_names_overlap_in_the_picture():
 
 def test_same_picture_twice_is_the_same_file(tmp_path):
     for name in ("one.png", "two.png"):
-        write_rig(tmp_path / name, rig_of("a", "b"), grid=GRID, supersample=1)
+        save_figure(draw_rig(rig_of("a", "b"), GRID), tmp_path / name)
     assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
 
 
 def test_volume_png_is_not_blank(tmp_path, volume):
     import matplotlib.image
 
-    write_volume_picture(tmp_path / "v.png", volume, GRID, supersample=1)
+    visualize_volume(tmp_path / "v.png", volume)
     assert (matplotlib.image.imread(tmp_path / "v.png")[..., 0] < 0.5).mean() > 0.02
 
 
 def test_dark_volume_is_drawn_too(tmp_path):
-    write_volume_picture(tmp_path / "v.png", np.zeros(GRID.shape), GRID, supersample=1)
+    visualize_volume(tmp_path / "v.png", np.zeros(GRID.shape), GRID)
     assert (tmp_path / "v.png").stat().st_size > 10_000
 
 
 def test_bad_volumes_are_refused_and_leave_nothing(tmp_path):
     with pytest.raises(ValueError, match="expected the grid's"):
-        write_volume_picture(tmp_path / "v.png", np.zeros((2, 2, 2)), GRID)
+        visualize_volume(tmp_path / "v.png", np.zeros((2, 2, 2)), GRID)
     with pytest.raises(ValueError, match="no finite value"):
-        write_volume_picture(tmp_path / "v.png", np.full(GRID.shape, np.nan), GRID)
+        visualize_volume(tmp_path / "v.png", np.full(GRID.shape, np.nan), GRID)
     with pytest.raises(ValueError, match="no mesh"):
         write_glb(tmp_path / "v.glb", Scene())
     assert list(tmp_path.iterdir()) == []

@@ -4,7 +4,7 @@ import pytest
 
 from tomo.draw.film.film_picture import FilmPicture
 from tomo.export import export_series
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 
 
 def test_a_film_has_a_picture_a_frame_in_which_the_spot_moves(store, tmp_path):
@@ -26,13 +26,13 @@ def test_a_film_has_a_picture_a_frame_in_which_the_spot_moves(store, tmp_path):
 
 def test_pixels_show_the_light_along_the_line_at_its_place():
     grid = VoxelGrid((8, 10, 6), 1.0)
-    picture = FilmPicture(grid, 6.0)
-    empty = picture.draw(np.zeros(grid.shape, np.float32), "").astype(int)
+    picture = FilmPicture(Volume(np.zeros(grid.shape), grid), 6.0)
+    empty = picture.draw(picture.example, "").astype(int)
     centres = []
     for x, y in ((1, 8), (6, 1)):
         volume = np.zeros(grid.shape, np.float32)
         volume[x, y, :] = 3.0
-        drawn = picture.draw(volume, "") - empty
+        drawn = picture.draw(Volume(volume, grid), "") - empty
         places = np.argwhere(drawn.sum(-1) > 100)
         assert len(places)
         centres.append(places.mean(axis=0))
@@ -43,8 +43,7 @@ def test_pixels_show_the_light_along_the_line_at_its_place():
 
 @pytest.mark.parametrize("shape", [(3, 200, 3), (200, 3, 3), (3, 3, 200), (1, 1, 1)])
 def test_long_grids_are_drawn_within_bounds(shape):
-    drawn = FilmPicture(VoxelGrid(shape, 1.0), 1.0, title="t").draw(
-        np.ones(shape, np.float32), "frame 1"
-    )
+    volume = Volume(np.ones(shape, np.float32), VoxelGrid(shape, 1.0))
+    drawn = FilmPicture(volume, 1.0, title="t").draw(volume, "frame 1")
     assert drawn.shape[0] == 720
     assert 600 < drawn.shape[1] <= 1940

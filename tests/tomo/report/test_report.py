@@ -2,7 +2,6 @@ import base64
 import itertools
 import json
 import re
-from dataclasses import replace
 from html.parser import HTMLParser
 
 import cv2
@@ -10,13 +9,19 @@ import numpy as np
 import pytest
 
 from rigs import Camera, Rig, look_at
+from tomo.draw import Scene
+from tomo.draw.stage import Shown, stage
 from tomo.grid import VoxelGrid
+from tomo.pipeline import Reconstruction
+from tomo.pipeline.peak import Peak
 from tomo.pipeline.view import View
-from tomo.report import Convergence, Results, draw, write_pictures, write_report
+from tomo.report import draw, write_pictures, write_report
 from tomo.report.glossary import PLACE, with_glossary
 from tomo.report.result_figures import draw_convergence, draw_difference
 from tomo.report.view_pictures import view_pictures, views_to_show
+from tomo.solvers import Iteration, Solution
 
+NO_RIG = Rig(())
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75))
 HOSTILE = "<script>alert(1)<"
 
@@ -30,29 +35,28 @@ def results():
         cameras.append(Camera(name, (9, 16), [[80, 0, 4], [0, 80, 8], [0, 0, 1]], R=R, t=t))
     truth = np.exp(-(GRID.centers() ** 2).sum(axis=-1) / 4).astype(np.float32)
     image = rng.random((16, 9)).astype(np.float32)
-    return Results(
-        Rig(tuple(cameras)),
-        GRID,
-        truth * 1.1,
-        [View("cam00", image, image * 0.9), View(HOSTILE, image, image, held_out=True)],
-        [
-            {
-                "label": HOSTILE,
-                "iterations": [1, 2],
-                "relative_residual": [0.5, 0.1],
-                "seconds": [0.1, 0.2],
-                "cosine_distance": [0.3, 0.2],
-            }
-        ],
-        truth=truth,
-        comparisons=[("other", truth * 0)],
-        method="cgls",
-    )
+    history = (Iteration(1, 0.5, 0.1, 0.3), Iteration(2, 0.1, 0.2, 0.2))
+    views = (View("cam00", image, image * 0.9), View(HOSTILE, image, image, held_out=True))
+    other = solution(truth * 0, HOSTILE, history)
+    return outcome_of(truth * 1.1, Rig(tuple(cameras)), views, truth=truth, comparisons=(other,))
+
+
+def solution(volume, method="cgls", history=(), grid=GRID):
+    return Solution(volume, grid, tuple(history), {"method": method})
+
+
+def outcome_of(volume, rig=NO_RIG, views=(), grid=GRID, **more):
+    return Reconstruction(solution(volume, grid=grid), rig, views, Peak(1.0, ""), **more)
 
 
 @pytest.fixture(scope="module")
 def pictures(results):
     return draw(results)
+
+
+@pytest.fixture(scope="module")
+def turned(results):
+    return stage(Scene(), shown=Shown((results.volume,)), turning=True)
 
 
 REPORT = {
@@ -91,8 +95,8 @@ class Tags(HTMLParser):
 
 
 @pytest.fixture
-def page(tmp_path, results, pictures):
-    write_report(tmp_path / "report.html", REPORT, results, pictures)
+def page(tmp_path, results, pictures, turned):
+    write_report(tmp_path / "report.html", REPORT, results, pictures, stage=turned)
     parser = Tags()
     parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
     return parser
@@ -146,7 +150,7 @@ def test_report_shows_its_figures(page):
 def test_settings_are_shown_in_words(tmp_path, value, words):
     volume = np.zeros(GRID.shape, np.float32)
     report = {"settings": {"found": value}}
-    write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
+    write_report(tmp_path / "report.html", report, outcome_of(volume))
     parser = Tags()
     parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
     assert re.search(rf"found\s+{re.escape(words)}\s", " ".join(parser.text))
@@ -172,10 +176,10 @@ def test_a_glossary_explains_the_terms_that_a_page_uses():
 
 @pytest.mark.parametrize("width", [1200, 400])
 def test_the_page_is_readable_without_network_mouse_or_colours(
-    tmp_path, results, pictures, open_page, width
+    tmp_path, results, pictures, turned, open_page, width
 ):
     path = tmp_path / "report.html"
-    write_report(path, REPORT, results, pictures)
+    write_report(path, REPORT, results, pictures, stage=turned)
     browser = open_page(path, (width, 800))
     assert browser.evaluate("return document.documentElement.scrollWidth;") <= width
     unlabelled = """
@@ -188,9 +192,11 @@ def test_the_page_is_readable_without_network_mouse_or_colours(
 
 
 @pytest.mark.parametrize("width", [1200, 400])
-def test_the_page_steps_through_the_views_and_round(tmp_path, results, pictures, open_page, width):
+def test_the_page_steps_through_the_views_and_round(
+    tmp_path, results, pictures, turned, open_page, width
+):
     path = tmp_path / "report.html"
-    write_report(path, REPORT, results, pictures)
+    write_report(path, REPORT, results, pictures, stage=turned)
     entries = json.loads(view_pictures(results.views)["data"])
     browser = open_page(path, (width, 800))
     assert browser.evaluate("return stages[0].root.classList.contains('alive');")
@@ -233,7 +239,7 @@ def test_report_does_with_little(tmp_path):
     volume = np.zeros(GRID.shape, np.float32)
     unknown = {"relative_residual": None, "seed": None, "held_out": {"a": {"psnr": None}}}
     for report in ({}, unknown):
-        write_report(tmp_path / "report.html", report, Results(Rig(()), GRID, volume))
+        write_report(tmp_path / "report.html", report, outcome_of(volume))
     assert "The reconstructed emission" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
@@ -312,18 +318,14 @@ def test_a_difference_is_red_where_the_volume_is_too_bright_and_blue_where_too_d
 def test_parts_that_do_not_fit_are_refused():
     with pytest.raises(ValueError, match="view a: mask: found shape"):
         View("a", np.ones((2, 2)), np.ones((2, 2)), np.ones((3, 2), bool))
-    with pytest.raises(ValueError, match="history sirt: seconds: found 1"):
-        Convergence("sirt", [1, 2], [0.1, 0.2], [0.3])
-    with pytest.raises(ValueError, match="results truth: found shape"):
-        Results(Rig(()), GRID, np.zeros(GRID.shape), truth=np.zeros((1, 1, 1)))
 
 
 def test_the_convergence_of_dark_images_is_drawn():
     """One method ends at once, another goes on for long, and no residual is above zero."""
     figure = draw_convergence(
         [
-            Convergence("nnls", [0], [0.0], [1e-4]),
-            Convergence("tv", [0, 1], [0.0, 0.0], [0.0, 1.0]),
+            solution(np.zeros(GRID.shape), "nnls", [Iteration(0, 0.0, 1e-4)]),
+            solution(np.zeros(GRID.shape), "tv", [Iteration(0, 0.0, 0.0), Iteration(1, 0.0, 1.0)]),
         ]
     )
     assert len(figure.axes) == 2
@@ -331,18 +333,12 @@ def test_the_convergence_of_dark_images_is_drawn():
 
 @pytest.mark.parametrize("center", [0.0, 1e5])
 @pytest.mark.parametrize("with_truth", [True, False])
-def test_numbers_below_neighbouring_planes_lie_apart(results, center, with_truth):
+def test_numbers_below_neighbouring_planes_lie_apart(center, with_truth):
     grid = VoxelGrid((20, 50, 20), 1.0, (center, 0.0, center))
     volume = np.ones(grid.shape, np.float32)
-    figure = draw_difference(
-        replace(
-            results,
-            grid=grid,
-            volume=volume,
-            truth=volume if with_truth else None,
-            comparisons=[("other", volume)],
-        )
-    )
+    truth = volume if with_truth else None
+    other = solution(volume, "other", grid=grid)
+    figure = draw_difference(outcome_of(volume, grid=grid, truth=truth, comparisons=(other,)))
     figure.canvas.draw()
     rows = {}
     for axes in figure.axes:
@@ -353,5 +349,5 @@ def test_numbers_below_neighbouring_planes_lie_apart(results, center, with_truth
                 rows.setdefault(round(box.y0), []).append((box.x0, box.x1))
     assert rows
     for spans in rows.values():
-        assert len(spans) > 3
+        assert len(spans) >= 3
         assert all(a[1] < b[0] for a, b in itertools.pairwise(sorted(spans)))

@@ -3,7 +3,7 @@ import re
 import numpy as np
 import pytest
 
-from tomo.draw.film.player import MOST_FRAMES
+from tomo.draw.film.visualize import MOST_FRAMES
 from tomo.report.series_report import shown_places, write_series_report
 from tomo.series.table import SeriesTable
 

@@ -2,13 +2,13 @@ import numpy as np
 import pytest
 
 from rigs import ring
-from tomo.grid import VoxelGrid
+from tomo.grid import Volume, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.peak import Peak
 from tomo.pipeline.view import View
 from tomo.report.outcome_files import DEVIATION_FILES, write_outcome
-from tomo.report.uncertainty_figure import draw_deviations
+from tomo.report.result_figures import draw_deviations
 from tomo.report.uncertainty_tables import coverage_table, trust_figures
 from tomo.solvers import Solution
 from tomo.uncertainty import assess
@@ -51,13 +51,13 @@ def outcome_of(system, repeats):
 
 
 def test_the_figure_has_two_volumes_each_on_its_own_scale():
-    volume = np.random.default_rng(0).random(GRID.shape)
-    figure = draw_deviations(volume, 1e-3 * volume, GRID)
+    volume = Volume(np.random.default_rng(0).random(GRID.shape), GRID)
+    figure = draw_deviations(volume, 1e-3 * volume)
     scales = [axes.get_images()[0].get_clim()[1] for axes in figure.axes if axes.get_images()]
     assert len(scales) == 6
     assert scales[0] == pytest.approx(1e3 * scales[3])
-    with pytest.raises(ValueError, match="deviation: found shape"):
-        draw_deviations(volume, volume[1:], GRID)
+    with pytest.raises(ValueError, match="volume: found shape"):
+        draw_deviations(volume, volume[1:])
 
 
 def test_all_voxels_are_in_the_table_and_each_figure_has_its_meaning(system):

@@ -139,13 +139,14 @@ def _evaluated_box(calibration: Calibration) -> VoxelGrid | None:
 
 def _verdict(calibration: Calibration, notes: Sequence[str]) -> dict[str, Any]:
     """Return the assessment, and below it the findings and the notes."""
-    word, _, rest = calibration.assessment.split("\n")[0].partition(": ")
-    known = word in _LEVELS
+    first = calibration.assessment.split("\n")[0]
+    word, _, rest = first.partition(": ")
+    lines = [rest if word in _LEVELS else first, *calibration.findings, *notes]
     return {
         "level": _LEVELS.get(word, "amber"),
-        "badge": word.capitalize() if known else "Unknown",
-        "means": rest[:1].upper() + rest[1:] if known else calibration.assessment.split("\n")[0],
-        "reasons": [*calibration.findings, *notes],
+        "badge": word.capitalize() if word in _LEVELS else "Not known",
+        "means": "",
+        "reasons": lines,
         "next": (),
     }
 

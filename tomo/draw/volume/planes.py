@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _VIEWS = ((0, 1, 2), (2, 1, 0), (0, 2, 1))
 
 _THINNEST, _SHORTEST_BAR = 0.15, 0.7  # inches that can still be seen
-_LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.75  # inches round planes in a row
+_LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.6  # inches round planes in a row
 
 
 @dataclass(frozen=True, eq=False)

@@ -45,7 +45,7 @@ def draw_volume(volume: Volume, *, title: str = "", looks: Looks = LIGHT) -> Fig
         raise ValueError("volume: found no finite value, expected at least one to draw")
     volume, grid, unit = finite(volume), volume.grid, volume.length_unit
     wide, tall = grid.extent[[0, 2, 0]], grid.extent[[1, 1, 2]]
-    inches = min(4.2 / wide.sum(), (_HEIGHT - 1.95) / tall.max())
+    inches = min(4.2 / wide.sum(), (_HEIGHT - 1.8) / tall.max())
     across = float(np.hypot(*grid.extent[[0, 2]]) / grid.extent[1])
     sight = min(max(3.2 * across + 1.9, 2.6), 5.0)  # inches of the light's width
     size = sight + 0.2 + row_size(grid, inches)[0], _HEIGHT
