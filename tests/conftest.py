@@ -38,10 +38,10 @@ hypothesis.settings.load_profile("project")
 @contextmanager
 def one_ray_a_pixel():
     """Draw scenes without smoothed edges: these take most of a small run's time."""
-    from tomo.draw import raycast, still
+    from tomo.draw import raster, still
 
     def coarse(scene, viewpoint, **options):
-        return raycast.render(scene, viewpoint, 1, **options)
+        return raster.render(scene, viewpoint, 1, **options)
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(still, "render", coarse)

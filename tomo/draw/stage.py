@@ -17,7 +17,7 @@ from tomo.draw.figures import raised, with_unit
 from tomo.draw.frame import EYE as RIG_EYE
 from tomo.draw.frame import UP, Up
 from tomo.draw.page import embedded, script_safe, small_png
-from tomo.draw.painter import painted
+from tomo.draw.raster import render
 from tomo.draw.scene import ColourScale, Label, Mesh, Scene, css
 from tomo.draw.shapes import box_corners
 from tomo.draw.viewpoint import Viewpoint
@@ -285,7 +285,7 @@ def _still(
     viewpoint = Viewpoint.framing(
         box_corners(*box), up.eye_direction(*eye), up.vector, _STILL, distance=6
     )
-    picture = painted(scene, viewpoint)
+    picture = render(scene, viewpoint, supersample=1, ground=(0.0, 0.0, 0.0))
     if shown is not None:
         scale = ColourScale("", 0.0, shown.ends[1], shown.looks.colours)
         picture = picture + scale(emission_image(shown.small[0], viewpoint)).astype(np.float32)

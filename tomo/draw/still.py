@@ -11,7 +11,7 @@ from tomo.draw import frame
 from tomo.draw.emission import LIGHT, Looks, emission_image, end_of_scale, of_integral
 from tomo.draw.figures import INK, LIGHT_INK, LIGHT_MUTED, MUTED
 from tomo.draw.labels import LabelPlacer
-from tomo.draw.raycast import render
+from tomo.draw.raster import render
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.viewpoint import Viewpoint
 from tomo.grid import Volume

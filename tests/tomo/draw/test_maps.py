@@ -9,7 +9,7 @@ from rigs import check_rig, look_at, ring
 from rigs.check.in_volume import lattice
 from tomo.draw import Scene, Viewpoint, write_glb
 from tomo.draw.figures import save_figure
-from tomo.draw.raycast import render
+from tomo.draw.raster import render
 from tomo.draw.rig.coverage_maps import (
     coverage_maps,
     coverage_scene,

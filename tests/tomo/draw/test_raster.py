@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from tomo.draw import Mesh, Scene, Viewpoint, shapes
-from tomo.draw.raycast import render
+from tomo.draw.raster import render
 
 
 def square(z, colour, opacity=1.0, half=1.0):
