@@ -5,7 +5,7 @@ docs/results/figures.json, in place of those that were there; then every table i
 
 A page says where a table stands, which columns of which table it has, and which of its rows::
 
-    <!-- figures: benchmark accuracy accuracy; flame views noise nrmse; flame=jet views=33 -->
+    <!-- figures: benchmark accuracy accuracy; flame views noise nrmse; flame=jet views=33,11 -->
     <!-- end of figures -->
 """
 
@@ -105,7 +105,7 @@ def main(runs: Iterable[str]) -> None:
 
 def _is_chosen(row: Mapping[str, Any], conditions: str) -> bool:
     wanted = dict(condition.split("=", 1) for condition in conditions.split())
-    return all(str(row[key]) == value for key, value in wanted.items())
+    return all(str(row[key]) in values.split(",") for key, values in wanted.items())
 
 
 if __name__ == "__main__":

@@ -29,7 +29,7 @@ PLACE = (
 
 
 def test_a_table_has_the_columns_and_rows_that_its_page_asks_for():
-    text = PLACE.format("flame nrmse; flame=jet views=33")
+    text = PLACE.format("flame nrmse; flame=jet,turbulent views=33")
     found = figures.with_tables(text, figures.with_run({}, RUN), "page.md")
     assert "| jet | 0.0131 |\n\nCommit 1234567; Z80, 1 cores.\n<!--" in found
     assert "0.0200" not in found
