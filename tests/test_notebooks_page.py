@@ -36,7 +36,6 @@ def test_no_block_is_longer_than_ten_lines():
 
 def test_the_blocks_run_in_their_order(tmp_path, monkeypatch, quick_choice, coarse_scenes, capsys):
     pytest.importorskip("xarray")
-    pytest.importorskip("viser")
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("tomo.report.outcome_files.draw", lambda *_: ())  # most of the time
     photograph(tmp_path / "images")

@@ -298,7 +298,7 @@ def browser(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def open_page(browser):
-    """Return a function that opens a page of ours, ready to be used.
+    """Return a function that opens a page of ours by its path or address, ready to be used.
 
     Pages with a script say when they are; others are when they are loaded.
     """
@@ -308,7 +308,8 @@ def open_page(browser):
             "Emulation.setDeviceMetricsOverride",
             width=size[0], height=size[1], deviceScaleFactor=1, mobile=False,
         )  # fmt: skip
-        browser.command("Page.navigate", url=path.as_uri())
+        url = path if isinstance(path, str) else path.as_uri()
+        browser.command("Page.navigate", url=url)
         browser.evaluate(
             "window.pause = (ms) => new Promise((done) => setTimeout(done, ms));"
             "window.ready = () => document.readyState === 'complete'"

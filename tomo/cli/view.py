@@ -60,8 +60,7 @@ def view(
     """Show a volume with its cameras, a film or a rig in the browser.
 
     A page to turn the volume in, and to compare images with those of the volume. It comes
-    from this machine alone and asks no other for anything. Ctrl-C ends it. Needs
-    pip install 'flametomo[viewer]'.
+    from this machine alone and asks no other for anything. Ctrl-C ends it.
     """
     with bad_input_in_one_line():
         known = _scan(scan, rig, images, pattern)
@@ -71,12 +70,14 @@ def view(
         viewer = Viewer(content, port)
     for note in content.notes:
         say(f"note: {note}", "yellow")
+    ends = _ends()
     say(f"open {viewer.url} (Ctrl-C ends)")
     if browser and _has_display():
         import webbrowser
 
         webbrowser.open(viewer.url)
-    _wait()
+    while not ends.wait(0.5):
+        pass
     viewer.stop()
 
 
@@ -102,10 +103,9 @@ def _has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def _wait() -> None:
-    """Wait for Ctrl-C or SIGTERM, which end this command as they should: exit code 0."""
+def _ends() -> threading.Event:
+    """Return what Ctrl-C and SIGTERM set: they end this command as they should, exit code 0."""
     ends = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ends.set())
-    while not ends.wait(0.5):
-        pass
+    return ends

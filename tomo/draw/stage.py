@@ -37,6 +37,9 @@ _ORDER = (
 )  # fmt: skip
 """Layers that come first in the list; the others follow in the order of the scene."""
 
+COLOUR_MAPS = ("inferno", "viridis", "magma", "turbo", "gray")
+"""Colour maps to choose from in a page."""
+
 MOST_VOXELS = 8_000_000
 """Voxels of all frames of a page, four thirds of a byte each: larger volumes are shown by means of
 blocks. Lower: films lose details; higher: pages take long to load."""
@@ -98,7 +101,9 @@ def stage(
     up: Up | None = None,
     grid: VoxelGrid | None = None,
     shown: Shown | None = None,
+    moments: Sequence[tuple[str, float]] = (),
     visible: Sequence[str] = (),
+    hidden: Sequence[str] = HIDDEN_AT_FIRST,
     close_up: bool = False,
     turning: bool = False,
     rays: bool = False,
@@ -114,8 +119,12 @@ def stage(
     grid : VoxelGrid, optional
         Adds buttons that show the whole scene or the box alone, where there is more.
     shown : Shown, optional
+    moments : sequence of (label, position)
+        Of a film, in place of those of ``shown``: of images alone, or of frames fetched later.
     visible : sequence of str
         Groups to show at first that are hidden otherwise: maps, images, names of arrows.
+    hidden : sequence of str
+        Groups to hide at first.
     close_up : bool
         Whether to start with the box alone in view.
     turning : bool
@@ -133,11 +142,13 @@ def stage(
         both = np.stack([bounds, scene.bounds])
         bounds = np.stack([both.min(axis=(0, 1)), both.max(axis=(0, 1))])
     origin = np.asarray(grid.center if grid is not None else bounds.mean(axis=0))
-    zooms = _zooms(bounds - origin, grid, "cameras" in scene.groups)
     lone = "cameras" not in scene.groups
     azimuth, elevation = EYE if lone else RIG_EYE
     volume, coarser = _volume(shown, origin, scene.length_unit) if shown else (None, "")
-    layers = _layers(scene, visible, shown, rays)
+    layers = _layers(scene, visible, hidden, shown, rays)
+    on = {layer["name"] for layer in layers if layer["visible"]}
+    zooms = _zooms(bounds - origin, grid, "cameras" in scene.groups, "arrows" in on)
+    moments = moments or (() if shown is None else shown.moments)
     data = {
         "meshes": [part for group in scene.groups for part in _meshes(scene, group, origin)],
         "labels": [
@@ -154,7 +165,8 @@ def stage(
         "zooms": zooms,
         "zoom": len(zooms) - 1 if close_up else 0,
         "volume": volume,
-        "moments": [] if shown is None else [{"label": a, "at": b} for a, b in shown.moments],
+        "palettes": {name: _palette(name) for name in _colours(shown)} if shown else {},
+        "moments": [{"label": label, "at": at} for label, at in moments],
         "origin": origin.tolist(),
         "unit": scene.length_unit,
         "up": {"axis": up.axis, "sign": up.sign},
@@ -164,7 +176,6 @@ def stage(
         "turning": turning,
         "note": f"{note} {coarser}".strip(),
     }
-    on = {layer["name"] for layer in layers if layer["visible"]}
     box = np.array(zooms[data["zoom"]]["box"]) + origin
     picture = _still(scene.only(on), shown, box, up, (azimuth, elevation))
     return {"data": script_safe(json.dumps(data)), "still": embedded(small_png(picture))}
@@ -184,7 +195,7 @@ def _volume(shown: Shown, origin: NDArray, unit: str) -> tuple[dict[str, Any], s
         "frames": [_base64(in_steps(frame, highest)) for frame in shown.small],
         "highest": highest,
         "full": full,
-        "levels": shown.looks.levels or LEVELS[1:2],
+        "levels": shown.looks.levels or LEVELS[:2],
         "colours": _palette(shown.looks.colours),
         "unit": raised(value_unit),
         "quantity": with_unit("emission", value_unit),
@@ -204,8 +215,13 @@ def in_steps(frame: NDArray, highest: float) -> NDArray[np.uint8]:
     return np.clip(np.round(frame * (255 / highest)), 0, 255).astype(np.uint8)
 
 
+def _colours(shown: Shown) -> list[str]:
+    """Return the colour maps to choose from, that of the page first."""
+    return list(dict.fromkeys((shown.looks.colours, *COLOUR_MAPS)))
+
+
 def _layers(
-    scene: Scene, visible: Sequence[str], shown: Shown | None, rays: bool
+    scene: Scene, visible: Sequence[str], hidden: Sequence[str], shown: Shown | None, rays: bool
 ) -> list[dict[str, Any]]:
     """Return the page's switches in their order, with the colours that tell them apart."""
     layers = []
@@ -217,8 +233,7 @@ def _layers(
         layers.append(
             {
                 "name": group,
-                "visible": group in visible
-                or not (group in HIDDEN_AT_FIRST or group.startswith(MAP)),
+                "visible": group in visible or not (group in hidden or group.startswith(MAP)),
                 "colours": _steps(scale.colours) if scale else colours,
                 "gradient": scale is not None,
                 "exclusive": group.startswith(MAP),
@@ -268,12 +283,14 @@ def _meshes(scene: Scene, group: str, origin: NDArray) -> list[dict[str, Any]]:
     return made
 
 
-def _zooms(bounds: NDArray, grid: VoxelGrid | None, has_cameras: bool) -> list[dict[str, Any]]:
+def _zooms(
+    bounds: NDArray, grid: VoxelGrid | None, has_cameras: bool, has_arrows: bool
+) -> list[dict[str, Any]]:
     """Return the boxes to look at, about the origin: everything, and the volume's."""
     whole = {"label": "Whole rig" if has_cameras else "Whole view", "box": bounds.tolist()}
     if grid is None or not has_cameras:
         return [whole]
-    margin = 0.15 * float(np.linalg.norm(grid.extent))
+    margin = (0.15 if has_arrows else 0.02) * float(np.linalg.norm(grid.extent))
     half = grid.extent / 2 + margin
     return [whole, {"label": "Volume", "box": [(-half).tolist(), half.tolist()]}]
 

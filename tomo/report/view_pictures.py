@@ -50,7 +50,7 @@ def view_pictures(views: Sequence[View]) -> dict[str, Any] | None:
     worst = worst_view(shown)
     entries = [
         {
-            "words": _words(view, view is worst),
+            "words": _words(view, len(views) > 1 and view is worst),
             "images": [embedded(png) for png in pictures[view.name]],
         }
         for view in shown

@@ -1,8 +1,8 @@
-"""The viewer: a rig, a volume or a film in a page that a server on this machine keeps up to date.
+"""The viewer: a rig, a volume or a film in a page that a program on this machine serves.
 
-`show` is all that a notebook needs. `content_of` reads what to show, `Viewer` shows it by viser on
-127.0.0.1. What makes arrays of values stands in modules of its own, which know no server:
-`surfaces`, `colours`, `rendering`, `comparison`.
+`show` is all that a notebook needs. `content_of` reads what to show; `page` makes the scene and
+the look of the pages without a server of it; `Viewer` serves it on 127.0.0.1 and answers when the
+page asks for a frame, the images of a moment, or one camera beside the volume.
 """
 
 import lazy_loader

@@ -2,20 +2,51 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rigs import Rig
-from rigs.scene.scene_camera import own_camera
 from tomo.draw.frame import Up
-from tomo.draw.rig.rig_scene import Target, grid_of, up_of
+from tomo.draw.rig.rig_scene import grid_of, up_of
 from tomo.grid import VoxelGrid
+from tomo.operators import LINEAR, Gains
 from tomo.scan import Scan
-from tomo.view.comparison import Model
 from tomo.view.frames import Frames
+
+
+@dataclass(frozen=True)
+class Model:
+    """How a reconstruction said that images come from its volume.
+
+    Attributes
+    ----------
+    is_linear : bool
+        Whether emission is linear between the centres of voxels, rather than constant in each.
+    gain, offset : mapping
+        Camera to the gain and the background of its images; 1 and 0 where none is known.
+    """
+
+    is_linear: bool = False
+    gain: Mapping[str, float] = field(default_factory=dict)
+    offset: Mapping[str, float] = field(default_factory=dict)
+
+    @classmethod
+    def of(cls, basis: Mapping[str, Any] | None, gains: Mapping[str, Any] | None) -> Model:
+        """Return the model of a report's ``basis`` and ``gains``."""
+        known = gains or {}
+        is_linear = (basis or {}).get("name") == LINEAR
+        return cls(is_linear, known.get("gain") or {}, known.get("offset") or {})
+
+    def gains_of(self, camera: str) -> Gains | None:
+        """Return the gain and the background of one camera; None where none are known."""
+        if camera not in self.gain:
+            return None
+        known = Gains.none(1)
+        gain, offset = self.gain[camera], self.offset.get(camera, 0.0)
+        return replace(known, gain=np.array([float(gain)]), offset=np.array([float(offset)]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,26 +119,3 @@ class Content:
     def up(self) -> Up:
         """The world's axis that the images show upward."""
         return Up() if self.rig is None else up_of(self.rig)
-
-    @property
-    def target(self) -> Target:
-        """What the cameras look at, and how large it is."""
-        if self.rig is not None:
-            return Target.of(self.rig, self.box)
-        assert self.grid is not None  # without a rig there are volumes, which have one
-        return Target(np.array(self.grid.center), float(np.linalg.norm(self.grid.extent) / 2))
-
-    @property
-    def reach(self) -> float:
-        """How far from the target's middle the scene goes."""
-        if self.rig is None:
-            return self.target.radius
-        away = [own_camera(camera).position - self.target.center for camera in self.rig]
-        return max(self.target.radius, *(float(np.linalg.norm(one)) for one in away))
-
-    def images(self, place: int) -> dict[str, NDArray[np.float32]]:
-        """Return the measured images of a moment, by camera; none where no scan is known."""
-        if self.scan is None:
-            return {}
-        images = self.scan.images(self.moments[place])
-        return dict(zip(self.scan.rig.names, images, strict=True))

@@ -9,8 +9,6 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.draw.volume.isosurface import reference_value
-
 MOST_BYTES = 256_000_000
 """Of volumes kept. Lower: going back in a film reads again; higher: memory."""
 
@@ -60,13 +58,7 @@ class Frames:
         kept.move_to_end(place)
         return kept[place]
 
-    def scale(self) -> float:
-        """Return the largest value without the brightest 0.01 %, of frames spread over the film.
-
-        It is 1 where they are all dark.
-        """
-        return max(reference_value(self.volume(place)) for place in self._spread()) or 1.0
-
-    def _spread(self) -> Sequence[int]:
+    def spread(self) -> Sequence[int]:
+        """Return the places of a few frames spread over the film, the first one last."""
         count = min(len(self), SCALE_FRAMES)
         return sorted({round(at) for at in np.linspace(0, len(self) - 1, count)}, reverse=True)

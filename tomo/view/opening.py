@@ -22,8 +22,7 @@ from tomo.scan.given import scan_again
 from tomo.series.layout import FORMAT
 from tomo.series.store import SeriesStore
 from tomo.series.table import SeriesTable
-from tomo.view.comparison import Model
-from tomo.view.content import Content
+from tomo.view.content import Content, Model
 from tomo.view.frames import Frames
 
 HOW = "--scan SCAN, or --rig and --images, name it"

@@ -1,177 +1,117 @@
-"""A server of viser that this machine alone reaches, and whose page asks no other for anything."""
+"""A server that this machine alone reaches: one page, and the answers that it asks for.
+
+It reads no file by a name from outside: what can be asked for are numbers of frames and cameras.
+"""
 
 from __future__ import annotations
 
-import contextlib
-import io
-import logging
-import math
+import json
 import re
-import socket
-from collections.abc import Iterator
-from functools import partial
-from types import ModuleType
-from typing import TYPE_CHECKING
-
-from numpy.typing import NDArray
-
-from tomo.view.world import World
-
-if TYPE_CHECKING:
-    import viser
-
-    from tomo.draw.frame import Up
+import threading
+from collections.abc import Callable
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any
 
 HOST = "127.0.0.1"
 PORT = 8080
 """Where the search for a free port begins."""
 
-FIELD_OF_VIEW = 0.7
-"""Upright angle of the page's eye in radians; more distorts what is near the border."""
-
-ORIGINS = (None, re.compile(r"https?://(127\.0\.0\.1|localhost|\[::1\])(:\d+)?"))
-"""Whose pages may connect: those of this machine, by any port, as a tunnel may have another, and
-programs, which send no origin. A page from elsewhere would read volumes without being seen."""
-
+_OWN = r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?"
+_HOSTS, _ORIGINS = re.compile(_OWN), re.compile(rf"https?://{_OWN}")
 _PORTS = 1000  # tried, one after the other
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Content-Security-Policy": "frame-ancestors 'self' http://127.0.0.1:* http://localhost:*",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+}
+
+Answer = Callable[..., "bytes | str | dict[str, Any]"]
 
 
-def free_port(first: int = PORT) -> int:
-    """Return the first port from ``first`` on that nobody listens at.
-
-    Raises
-    ------
-    ValueError
-        If there is none among a thousand, or ``first`` is no port.
-    """
-    if not 1 <= first <= 65535:
-        raise ValueError(f"port: found {first}, expected a number from 1 to 65535")
-    for port in range(first, min(first + _PORTS, 65536)):
-        with socket.socket() as tried:
-            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-            with contextlib.suppress(OSError):
-                tried.bind((HOST, port))
-                return port
-    raise ValueError(f"port: found none free from {first} on, expected one")
-
-
-def local_server(port: int, title: str) -> viser.ViserServer:
-    """Start the server at a free port; its page shares nothing and fetches nothing.
-
-    Raises
-    ------
-    ValueError
-        If viser is not installed.
-    """
-    try:
-        import viser
-    except ImportError:
-        raise ValueError("view: viser is not installed; pip install 'flametomo[viewer]'") from None
-
-    class LocalServer(viser.ViserServer):
-        """A server without viser's public addresses, whatever a page asks for."""
-
-        def request_share_url(self, verbose: bool = True) -> str | None:
-            """Refuse: the page stays on this machine."""
-            return None
-
-    # a browser that opens a connection and thinks better of it is no news
-    logging.getLogger("websockets.server").addHandler(logging.NullHandler())
-    with _quiet(viser), _own_pages_only():
-        server = LocalServer(host=HOST, port=port, label=title, verbose=False)
-    server.gui.configure_theme(
-        control_width="medium", show_logo=False, show_share_button=False, dark_mode=True
-    )
-    server.scene.configure_environment_map(None)
-    server.scene.configure_default_lights(enabled=False)
-    return server
-
-
-def silent() -> contextlib.AbstractContextManager:
-    """Keep viser's words from stdout, which is for results."""
-    return contextlib.redirect_stdout(io.StringIO())
-
-
-@contextlib.contextmanager
-def _quiet(viser: ModuleType) -> Iterator[None]:
-    """Start a server without its banner, and without a build of its page from sources.
-
-    viser builds its page anew, with packages from the network, where the times of its files
-    say that the sources are newer; an archive that was unpacked in another order looks so.
-    """
-    builder = getattr(viser._viser, "_client_autobuild", None)
-    build = getattr(builder, "ensure_client_is_built", None)
-    if builder is not None and build is not None:
-        builder.ensure_client_is_built = lambda: None
-    try:
-        with silent():
-            yield
-    finally:
-        if builder is not None and build is not None:
-            builder.ensure_client_is_built = build
-
-
-@contextlib.contextmanager
-def _own_pages_only() -> Iterator[None]:
-    """Start a server that pages of other origins cannot connect to.
-
-    viser has no setting for it and calls ``serve`` of websockets by its public name, which has
-    one: for the start, that name stands for ``serve`` with these origins.
-    """
-    from websockets.asyncio import server
-
-    plain = server.serve
-    server.serve = partial(plain, origins=ORIGINS)  # type: ignore[misc, assignment]
-    try:
-        yield
-    finally:
-        server.serve = plain  # type: ignore[misc]
-
-
-def add_lights(server: viser.ViserServer, up: Up) -> None:
-    """Add two lights: viser's own are four, and each costs every pixel where nothing helps it.
-
-    The sky lights from above and the ground from below; the other shines over the first eye's
-    shoulder.
-    """
-    from tomo.draw.frame import EYE
-
-    towards = up.eye_direction(EYE[0] - 35, EYE[1] + 25)
-    scene = server.scene
-    white, ground = (255, 255, 255), (110, 110, 120)
-    scene.add_light_hemisphere("/light/sky", sky_color=white, ground_color=ground, intensity=1.1)
-    position = tuple(towards.tolist())
-    scene.add_light_directional("/light/sun", color=white, intensity=2.6, position=position)
-
-
-def eye_on(world: World, up: Up, radius: float) -> tuple[NDArray, float]:
-    """Return where the page's eye sees all within a radius of the middle, and how far it sees.
+class LocalServer(ThreadingHTTPServer):
+    """A server at the first free port of 127.0.0.1 from a number on.
 
     Parameters
     ----------
-    world : World
-    up : Up
-    radius : float
-        In the page's units.
+    answers : mapping of str to callable
+        From a path's pattern, which a whole path has to match, to what makes the answer of the
+        numbers in it: a page, bytes, or a mapping sent as JSON.
+    port : int
 
-    Returns
-    -------
-    position : (3,) float64
-        A little from above, looking at the middle.
-    far : float
-        Beyond everything that is drawn.
+    Raises
+    ------
+    ValueError
+        If no port is free among a thousand, or ``port`` is none.
+
+    Notes
+    -----
+    Programs of this machine may ask, and pages of this machine by any port, as a tunnel may have
+    another. Pages from elsewhere may not: a browser names them as ``Origin``, and a name of
+    theirs that leads here stands in ``Host``.
     """
-    from tomo.draw.frame import EYE
 
-    distance = 1.1 * radius / math.sin(FIELD_OF_VIEW / 2)
-    return distance * up.eye_direction(*EYE), 4.0 * (distance + world.reach)
+    daemon_threads = True
+    allow_reuse_address = False
+
+    def __init__(self, answers: dict[str, Answer], port: int = PORT) -> None:
+        if not 1 <= port <= 65535:
+            raise ValueError(f"port: found {port}, expected a number from 1 to 65535")
+        # one at a time: kernels use all cores, and not all kinds of threads may share them
+        self.turn = threading.Lock()
+        self.answers = {re.compile(pattern): answer for pattern, answer in answers.items()}
+        for number in range(port, min(port + _PORTS, 65536)):
+            try:
+                super().__init__((HOST, number), _Handler)
+                return
+            except OSError:
+                continue
+        raise ValueError(f"port: found none free from {port} on, expected one")
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Say nothing where a browser thinks better of a question."""
 
 
-def first_look(server: viser.ViserServer, world: World, up: Up, radius: float) -> None:
-    """Place the eye of every page that opens so that all within a radius is in sight."""
-    position, far = eye_on(world, up, radius)
-    server.scene.set_up_direction(tuple(up.vector))
-    camera = server.initial_camera
-    camera.fov = FIELD_OF_VIEW
-    camera.position, camera.look_at = tuple(position.tolist()), (0.0, 0.0, 0.0)
-    camera.near, camera.far = 1e-3 * far, far
+class _Handler(BaseHTTPRequestHandler):
+    server: LocalServer
+    server_version, sys_version = "flametomo", ""
+
+    def do_GET(self) -> None:
+        """Answer a question of the page."""
+        origin = self.headers.get("Origin")
+        if not _HOSTS.fullmatch(self.headers.get("Host", "")) or not (
+            origin is None or _ORIGINS.fullmatch(origin)
+        ):
+            return self._send(403, "text/plain", b"only pages of this machine may ask")
+        for pattern, answer in self.server.answers.items():
+            if found := pattern.fullmatch(self.path):
+                try:
+                    with self.server.turn:
+                        made = answer(*map(int, found.groups()))
+                except IndexError:
+                    break
+                except Exception as error:
+                    said = " ".join(str(error).split()) or type(error).__name__
+                    return self._send(500, "text/plain", said.encode())
+                return self._send(200, *_as_sent(made))
+        return self._send(404, "text/plain", b"nothing here")
+
+    def log_message(self, *_: object) -> None:
+        """Say nothing: the standard error is for the command's own lines."""
+
+    def _send(self, status: int, kind: str, body: bytes) -> None:
+        self.send_response(status)
+        for name, value in {**_HEADERS, "Content-Type": f"{kind}; charset=utf-8"}.items():
+            self.send_header(name, value)
+        self.send_header("Content-Length", str(len(body)))
+        self.end_headers()
+        self.wfile.write(body)
+
+
+def _as_sent(made: bytes | str | dict[str, Any]) -> tuple[str, bytes]:
+    if isinstance(made, bytes):
+        return "application/octet-stream", made
+    if isinstance(made, str):
+        return "text/html", made.encode()
+    return "application/json", json.dumps(made).encode()

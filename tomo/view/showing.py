@@ -50,7 +50,7 @@ def show(shown: Shown, scan: Scan | None = None, *, port: int = PORT) -> Viewer:
     Raises
     ------
     ValueError
-        If viser is not installed, or there is nothing to show.
+        If there is nothing to show.
     FileNotFoundError
         If there is nothing at the path.
     """

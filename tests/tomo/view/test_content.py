@@ -1,5 +1,4 @@
 import json
-import threading
 from dataclasses import replace
 
 import numpy as np
@@ -13,9 +12,9 @@ from tomo.view import (
     content_of_rig,
     content_of_volume,
 )
-from tomo.view.comparison import Model, compare
+from tomo.view.comparison import compare
+from tomo.view.content import Model
 from tomo.view.frames import Frames
-from tomo.view.worker import Worker
 
 
 @pytest.fixture(scope="module")
@@ -47,27 +46,24 @@ def test_frames_are_read_when_shown_and_few_are_kept(flames):
         assert np.isfinite(volume).all()
         assert volume.max() <= 0.9
     assert read == [0, 1, 2, 0]
-    assert frames.scale() == pytest.approx(0.9, abs=0.1)
-    assert Frames(("dark",), lambda _: np.zeros((2, 2, 2))).scale() == 1
+    assert frames.spread() == [2, 1, 0]
+    assert Frames("x" * 30, reader).spread() == [29, 22, 14, 7, 0]
 
 
-def test_the_volume_s_own_image_leaves_no_residual(scan, flames, grid):
-    found = compare(scan, scan.frame_names[1], "cam02", flames[1], grid, recorded=0.5)
-    assert found.view.relative_residual < 1e-5
-    assert "residual" in found.words()
-    assert "50 %" in found.words()
-    gains = Model(False, {"cam02": 2.0}, {"cam02": 0.25})
-    half = compare(scan, scan.frame_names[1], "cam02", flames[1] / 2, grid, gains)
-    np.testing.assert_allclose(half.difference, -0.25, atol=1e-4)
-    linear = compare(scan, scan.frame_names[1], "cam02", flames[1], grid, Model(True))
-    assert 1e-4 < linear.view.relative_residual < 0.1
-    assert found.picture("gray").shape[1] > 2 * found.picture("gray").shape[0]
-    alone = compare(scan, scan.frame_names[1], "cam02")
-    assert alone.view is None
-    assert "residual" not in alone.words()
-    beside = replace(grid, center=(1e3, 0, 0))
-    dark = compare(scan, scan.frame_names[1], "cam02", flames[1], beside)
-    assert dark.view.relative_residual == pytest.approx(1)
+def test_the_volume_s_own_image_leaves_no_residual(content, flames, grid):
+    found = compare(content, "cam02", 1)
+    assert found.relative_residual < 1e-5
+    half = Frames(("half",) * 3, lambda place: flames[place] / 2)
+    doubled = replace(content, frames=half, model=Model(False, {"cam02": 2.0}, {"cam02": 0.25}))
+    view = compare(doubled, "cam02", 1)
+    np.testing.assert_allclose(view.measured - view.reprojected, -0.25, atol=1e-4)
+    linear = compare(replace(content, model=Model(True)), "cam02", 1)
+    assert 1e-4 < linear.relative_residual < 0.1
+    alone = compare(replace(content, frames=None), "cam02", 1)
+    np.testing.assert_array_equal(alone.measured, found.measured)
+    beside = replace(content, grid=replace(grid, center=(1e3, 0, 0)))
+    for dark in (alone, compare(beside, "cam02", 1)):
+        assert dark.relative_residual == pytest.approx(1)
 
 
 def test_an_outcome_finds_its_scan_where_it_was_and_beside_it(tmp_path, folder, grid, flames):
@@ -146,28 +142,11 @@ def test_a_film_of_volumes_is_shown_too(tmp_path, grid, flames):
 def test_rigs_and_volumes_stand_alone(tmp_path, scan, grid, flames):
     content = content_of_rig("rig", scan.rig)
     assert content.n_frames == 0
-    assert content.images(0) == {}
-    assert content.reach == pytest.approx(60.0, rel=1e-6)
+    assert content.scan is None
     seen = content_of_rig("scan", scan.rig, None, scan)
     assert seen.n_frames == 3
-    assert set(seen.images(2)) == set(scan.rig.names)
+    assert seen.scan.rig.names == scan.rig.names
     write_volume(tmp_path / "v.npz", flames[0], grid, "mm")
     assert content_of_volume(tmp_path / "v.npz").grid == grid
     with pytest.raises(ValueError, match="neither a rig nor a volume"):
         Content("nothing")
-
-
-def test_the_worker_drops_what_was_asked_before_and_survives_errors():
-    done, errors, go = [], [], threading.Event()
-    worker = Worker(errors.append)
-    worker.ask("first", lambda: (go.wait(10), done.append("first")))
-    while not worker._is_busy:
-        pass
-    for number in range(5):
-        worker.ask("slider", lambda number=number: done.append(number))
-    worker.ask("bad", lambda: 1 / 0)
-    go.set()
-    assert worker.wait(10)
-    assert done == ["first", 4]
-    assert [type(error) for error in errors] == [ZeroDivisionError]
-    worker.stop()

@@ -1,16 +1,20 @@
-"""What `tomo.view.show` takes, and who may connect to its page."""
+"""What `tomo.view.show` takes, and who may ask its server for what."""
 
+import json
+import socket
+import urllib.error
+import urllib.request
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-pytest.importorskip("viser")
-
 import rigs
 from tomo import Options, reconstruct
-from tomo.view import content_of, show
+from tomo.draw.volume.isosurface import reference_value
+from tomo.view import Viewer, content_of, show
 from tomo.view.comparison import compare
+from tomo.view.frames import Frames
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +37,7 @@ def test_a_reconstruction_brings_its_volume_and_the_scan_its_images(result, scan
     assert alone.grid == result.solution.grid
     assert np.array_equal(both.frames.volume(0), result.volume)
     assert both.moments == ("frame_001",)
-    found = compare(both.scan, "frame_001", "cam00", result.volume, both.grid, both.model)
+    found = compare(both, "cam00", 0)
     assert found.measured.shape == result.views[0].measured.shape
     assert both.residual("cam00", 0) == result.views[0].relative_residual
 
@@ -44,7 +48,7 @@ def test_a_refined_rig_goes_with_images_as_they_were_given(result, scan):
     for given in (scan, scan.scaled(2)):
         shown = content_of(refined, given)
         assert [one.image_size for one in shown.rig] == [(12, 14)] * 4
-        assert shown.images(0)["cam00"].shape == (14, 12)
+        assert shown.scan.images(shown.moments[0])[0].shape == (14, 12)
 
 
 def test_rigs_scans_and_paths_are_shown(scan, tmp_path, result):
@@ -62,35 +66,90 @@ def test_rigs_scans_and_paths_are_shown(scan, tmp_path, result):
 
 def test_a_notebook_shows_the_page(viewer):
     assert f'<iframe src="{viewer.url}"' in viewer._repr_html_()
+    with pytest.raises(ValueError, match="camera: found 'cam00', expected one of"):
+        viewer.choose("cam00")
+
+
+def asked(url, **headers):
+    """Return the status and the body of an answer."""
+    names = {name.replace("_", "-"): value for name, value in headers.items() if value}
+    try:
+        with urllib.request.urlopen(urllib.request.Request(url, headers=names)) as answer:
+            return answer.status, answer.read()
+    except urllib.error.HTTPError as error:
+        return error.code, error.read()
 
 
 @pytest.mark.parametrize(
-    ("origin", "may"),
+    ("origin", "host", "may"),
     [
-        (None, True),
-        ("http://localhost:9000", True),
-        ("{url}", True),
-        ("https://elsewhere.example", False),
-        ("http://localhost.elsewhere.example", False),
-        ("http://127.0.0.1.elsewhere.example:8080", False),
-        ("null", False),
+        (None, None, True),
+        ("http://localhost:9000", "localhost:9000", True),
+        ("{url}", None, True),
+        ("https://elsewhere.example", None, False),
+        ("http://localhost.elsewhere.example", None, False),
+        ("http://127.0.0.1.elsewhere.example:8080", None, False),
+        ("null", None, False),
+        (None, "elsewhere.example:8080", False),
+        (None, "localhost.elsewhere.example", False),
     ],
 )
-def test_pages_from_elsewhere_cannot_connect(viewer, origin, may):
-    from websockets.exceptions import InvalidStatus
-    from websockets.sync.client import connect
-
-    address = viewer.url.replace("http:", "ws:")
-    given = origin.format(url=viewer.url) if origin else None
-    if may:
-        connect(address, origin=given).close()
-    else:
-        with pytest.raises(InvalidStatus, match="403"):
-            connect(address, origin=given)
+def test_pages_from_elsewhere_are_refused(viewer, origin, host, may):
+    origin = origin.format(url=viewer.url) if origin else None
+    assert asked(viewer.url, Origin=origin, Host=host)[0] == (200 if may else 403)
 
 
-def test_other_servers_of_the_program_are_left_as_they_were(viewer):
-    from websockets.asyncio import server
+def test_another_page_may_not_take_or_frame_an_answer(viewer):
+    with urllib.request.urlopen(viewer.url) as answer:
+        assert answer.headers["Cross-Origin-Resource-Policy"] == "same-origin"
+        assert "Access-Control-Allow-Origin" not in answer.headers
+        assert answer.headers["Content-Security-Policy"].startswith("frame-ancestors 'self'")
 
-    assert server.serve is server.__dict__["serve"]
-    assert isinstance(server.serve, type)
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        "/../../../../etc/passwd", "/etc/passwd", "//etc/passwd", "/%2e%2e/%2e%2e/etc/passwd",
+        "/volume/..", "/volume/-1", "/volume/0/../../setup.cfg", "/images/x", "/compare/0/999",
+        "/images/999", "/volume/1" + "0" * 40, "/?file=/etc/passwd", "/index.html",
+    ],
+)  # fmt: skip
+def test_nothing_but_numbers_can_be_asked_for(content, path):
+    shown = Viewer(content, 18650)
+    try:
+        assert asked(shown.url + path) == (404, b"nothing here")
+    finally:
+        shown.stop()
+
+
+def test_answers_are_those_of_the_content_and_errors_one_line(content, flames):
+    def read(place):
+        if place == 2:
+            raise ValueError("frame 2:\n damaged")
+        return flames[place]
+
+    broken = replace(content, frames=Frames(("a", "b", "c"), read, most_bytes=0))
+    broken.frames.__dict__["spread"] = lambda: [0]
+    shown = Viewer(broken, 18650)
+    try:
+        steps = np.frombuffer(asked(shown.url + "/volume/1")[1], np.uint8)
+        share = np.minimum(flames[1].ravel() / reference_value(flames[0]), 1)
+        np.testing.assert_allclose(steps, 255 * share, atol=0.51)
+        assert asked(shown.url + "/volume/2") == (500, b"frame 2: damaged")
+        entry = json.loads(asked(shown.url + "/compare/0/3")[1])
+        assert entry["words"].startswith("cam03: residual 0.0%")
+        assert [one[:22] for one in entry["images"]] == ["data:image/png;base64,"] * 3
+    finally:
+        shown.stop()
+
+
+def test_no_port_but_a_free_one_is_taken(scan):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        shown = show(scan.rig, port=port)
+    assert port < int(shown.url.rpartition(":")[2]) < port + 1000
+    shown.stop()
+    with pytest.raises(ValueError, match="port: found 0, expected a number from 1 to 65535"):
+        show(scan.rig, port=0)

@@ -90,7 +90,7 @@ def image_scene(rig: Rig, target: Target, images: Mapping[str, NDArray]) -> Scen
     for camera in rig:
         if camera.name not in images:
             continue
-        small = shrunk(images[camera.name].astype(np.float32), _LONGEST_IN_SPACE)
+        small = _in_symbol(images[camera.name])
         rows, columns = small.shape
         u, v = np.meshgrid((np.arange(columns) + 0.5) / columns, (np.arange(rows) + 0.5) / rows)
         uv = np.stack([u.ravel(), v.ravel()], axis=-1) * camera.image_size - 0.5
@@ -110,6 +110,15 @@ def image_scene(rig: Rig, target: Target, images: Mapping[str, NDArray]) -> Scen
             )
         )
     return Scene(tuple(meshes), length_unit=rig.length_unit)
+
+
+def symbol_values(picture: NDArray) -> NDArray[np.uint8]:
+    """Return a thumbnail's numbers at its mesh in `image_scene`, as pages hold them: 1 to 255."""
+    return np.round(1 + 254 / 255 * _in_symbol(picture).ravel()).astype(np.uint8)
+
+
+def _in_symbol(picture: NDArray) -> NDArray[np.float32]:
+    return shrunk(picture.astype(np.float32), _LONGEST_IN_SPACE)
 
 
 def _is_scan(source: Path) -> bool:

@@ -2,14 +2,24 @@
 
 const compared = document.getElementById("compared");
 const entries = JSON.parse(compared.querySelector("script").textContent);
-const [slider, words] = ["input", "output"].map((name) => compared.querySelector(name));
+const [chooser, words] = ["input", "output"].map((name) => compared.querySelector(name));
 
-function compare(k) {
-  slider.value = k;
-  words.textContent = entries[k].words;
-  compared.querySelectorAll("img").forEach((image, one) => { image.src = entries[k].images[one]; });
+function present(entry) {
+  words.textContent = entry.words;
+  compared.querySelectorAll("img").forEach((image, one) => {
+    image.parentNode.hidden = !entry.images[one];
+    if (entry.images[one]) image.src = entry.images[one];
+  });
 }
 
-slider.addEventListener("input", () => compare(Number(slider.value)));
+// A page beside a program asks it for an entry instead.
+let compare = (k) => present(entries[k]);
+
+function choose(k) {
+  chooser.value = k;
+  compare(Number(k));
+}
+
+chooser.addEventListener("input", () => choose(chooser.value));
 compared.querySelectorAll("button").forEach((button, side) => button.addEventListener("click", () =>
-  compare((Number(slider.value) + (side ? 1 : -1) + entries.length) % entries.length)));
+  choose((Number(chooser.value) + (side ? 1 : -1) + entries.length) % entries.length)));

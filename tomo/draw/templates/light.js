@@ -16,7 +16,7 @@ void main() {
 const SURFACE = `#version 300 es
 precision highp float; precision highp sampler3D;
 in vec3 place; flat in float mine; in float part;
-uniform vec4 colour; uniform vec3 lamp, lower, extent; uniform float number;
+uniform vec4 colour; uniform vec3 lamp, lower, extent; uniform float number, gain;
 uniform bool coloured, inside, picked; uniform sampler2D palette; uniform sampler3D volume;
 out vec4 shown;
 void main() {
@@ -25,7 +25,8 @@ void main() {
     float index = number + mine;
     shown = vec4(mod(index, 256.0) / 255.0, floor(index / 256.0) / 255.0, value, 1.0);
   } else if (coloured) {
-    shown = vec4(value < 0.0 ? vec3(0.35) : texture(palette, vec2(value, 0.5)).rgb, colour.a);
+    shown = vec4(value < 0.0 ? vec3(0.35) : texture(palette, vec2(value * gain, 0.5)).rgb,
+      colour.a);
   } else {
     vec3 normal = normalize(cross(dFdx(place), dFdy(place)));
     shown = vec4(colour.rgb * (0.6 + 0.4 * abs(dot(normal, lamp))), colour.a);
@@ -41,7 +42,8 @@ const MARCH = `#version 300 es
 precision highp float; precision highp sampler3D;
 uniform sampler3D volume; uniform sampler2D palette, base, depth;
 uniform mat3 axes; uniform vec3 eye, lower, extent; uniform vec4 pinhole, cut, levels;
-uniform vec2 depths; uniform float stride, threshold, gain, lit; uniform bool raw, bare;
+uniform vec2 depths; uniform float stride, threshold, gain, lit;
+uniform int surfaces; uniform bool greatest, raw, bare;  // greatest: the largest value in place of the integral
 out vec4 shown;
 float value(vec3 p) { return texture(volume, ((p - lower) / extent).zyx).r; }
 vec3 slope(vec3 p) {
@@ -79,22 +81,25 @@ void main() {
     for (int k = 0; k < count; k++) {
       vec3 p = eye + (first + (float(k) + 0.5) * pace) * ahead;
       float v = value(p);
-      if (v >= threshold) total += v;
-      for (int one = 0; one < 3; one++) {
+      if (v >= threshold) total = greatest ? max(total, v) : total + v;
+      for (int one = 0; one < surfaces; one++) {
         float level = levels[one];
-        if (level <= 0.0 || shells.a > 0.99 || (v >= level) == (before >= level)) continue;
-        vec3 normal = slope(p - ahead * pace * (v - level) / (v - before));
-        float facing = abs(dot(normal, ahead)) / max(length(normal), 1e-9);
-        float opacity = levels[one + 1] > 0.0 && one < 2 ? 0.3 : 0.95;
-        vec3 tint = texture(palette, vec2(0.35 + 0.6 * level, 0.5)).rgb;
-        shells += (1.0 - shells.a) * opacity * vec4(tint * (0.35 + 0.65 * facing), 1.0);
+        bool crossed = shells.a <= 0.99 && (v >= level) != (before >= level);
+        // a loop, not an if: without a graphics card both sides of an if are computed
+        for (int once = 0; once < int(crossed); once++) {
+          vec3 normal = slope(p - ahead * pace * (v - level) / (v - before));
+          float facing = abs(dot(normal, ahead)) / max(length(normal), 1e-9);
+          float opacity = one + 1 < surfaces ? 0.3 : 0.95;
+          vec3 tint = texture(palette, vec2(0.35 + 0.6 * level, 0.5)).rgb;
+          shells += (1.0 - shells.a) * opacity * vec4(tint * (0.35 + 0.65 * facing), 1.0);
+        }
       }
       before = v;
     }
-    total *= pace;
+    if (!greatest) total *= pace;
   }
-  if (raw) {  // the integral over the box's diagonal, as three bytes
-    float share = clamp(total / length(extent), 0.0, 1.0) * 16777215.0;
+  if (raw) {  // the integral over the box's diagonal, or the largest value, as three bytes
+    float share = clamp(greatest ? total : total / length(extent), 0.0, 1.0) * 16777215.0;
     shown = vec4(mod(share, 256.0), mod(floor(share / 256.0), 256.0), floor(share / 65536.0),
       255.0) / 255.0;
     return;
@@ -103,6 +108,7 @@ void main() {
   shown = vec4(ground.rgb * (1.0 - shells.a) + shells.rgb + light, 1.0);
 }`;
 
+const fraction = (step) => (step ? (step - 1) / 254 : -1);
 const bytesOf = (text) => Uint8Array.from(atob(text), (letter) => letter.charCodeAt(0));
 
 class Light {
@@ -111,7 +117,7 @@ class Light {
     const gl = canvas.getContext("webgl2", { alpha: false, preserveDrawingBuffer: true });
     if (!gl) throw new Error("this browser offers no WebGL2");
     Object.assign(this, { gl, canvas, data, threshold: 0, brightness: 1, levels: [],
-      cut: null, lit: true, planes: [], frame: -1 });
+      cut: null, lit: true, greatest: false, moving: false, planes: [], frame: -1 });
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
     this.march = this.program(SCREEN, MARCH);
     this.surface = this.program(POINT, SURFACE);
@@ -177,10 +183,10 @@ class Light {
   batch(mesh) {
     const positions = new Float32Array(bytesOf(mesh.vertices).buffer);
     const count = positions.length / 3, owners = new Float32Array(count);
-    const fractions = new Float32Array(count);
+    const fractions = mesh.values ? Float32Array.from(bytesOf(mesh.values), fraction)
+      : new Float32Array(count);
     let at = 0;
     mesh.counts.forEach((size, k) => { owners.fill(k, at, at + size); at += size; });
-    if (mesh.values) bytesOf(mesh.values).forEach((v, k) => { fractions[k] = v ? (v - 1) / 254 : -1; });
     const number = this.count;
     this.count += mesh.names.length;
     return { mesh, number, positions, ...this.upload(positions, owners, fractions,
@@ -190,24 +196,37 @@ class Light {
   upload(positions, owners, fractions, triangles) {
     const gl = this.gl, array = gl.createVertexArray();
     gl.bindVertexArray(array);
-    [[positions, 3], [owners, 1], [fractions, 1]].forEach(([values, width], place) => {
-      gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
+    const buffers = [[positions, 3], [owners, 1], [fractions, 1]].map(([values, width], place) => {
+      const buffer = gl.createBuffer();
+      gl.bindBuffer(gl.ARRAY_BUFFER, buffer);
       gl.bufferData(gl.ARRAY_BUFFER, values, gl.STATIC_DRAW);
       gl.enableVertexAttribArray(place);
       gl.vertexAttribPointer(place, width, gl.FLOAT, false, 0, 0);
+      return buffer;
     });
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.STATIC_DRAW);
     gl.bindVertexArray(null);
-    return { array, length: triangles.length };
+    return { array, length: triangles.length, fractions: buffers[2] };
   }
 
   show(frame) {  // of a film
     const volume = this.data.volume;
     if (!volume || frame === this.frame) return;
-    if (this.volume) this.gl.deleteTexture(this.volume);
-    this.volume = this.texture3D(volume.shape, bytesOf(volume.frames[frame]));
+    this.hold(bytesOf(volume.frames[frame]));
     this.frame = frame;
+  }
+
+  hold(bytes) {  // another volume on the same grid
+    if (this.volume) this.gl.deleteTexture(this.volume);
+    this.volume = this.texture3D(this.data.volume.shape, bytes);
+  }
+
+  // Other numbers at the vertices of a batch, as 0 for none and 1 to 255 from the lowest up.
+  recolour(batch, steps) {
+    const gl = this.gl;
+    gl.bindBuffer(gl.ARRAY_BUFFER, batch.fractions);
+    gl.bufferSubData(gl.ARRAY_BUFFER, 0, Float32Array.from(steps, fraction));
   }
 
   // Planes across an axis at a coordinate: [axis, at], as triangles of the scene.
@@ -297,6 +316,7 @@ class Light {
         (clear && !pick ? gl.enable : gl.disable).call(gl, gl.BLEND);
         gl.uniform1i(at("coloured"), Boolean(one.mesh.palette));
         gl.uniform1i(at("inside"), one.axis !== undefined);
+        gl.uniform1f(at("gain"), one.axis === undefined ? 1 : this.brightness);
         gl.uniform1f(at("number"), one.number);
         gl.uniform4f(at("colour"), ...one.mesh.colour, one.mesh.opacity);
         if (one.mesh.palette) gl.bindTexture(gl.TEXTURE_2D, this.palette(one.mesh.palette));
@@ -338,16 +358,20 @@ class Light {
       height - view.principal[1] - 0.5);
     gl.uniform4fv(at("cut"), this.cut || [0, 0, 0, 1]);
     gl.uniform4fv(at("levels"), [...this.levels, 0, 0, 0, 0].slice(0, 4));
-    gl.uniform1f(at("stride"), volume ? this.stride : 1);
+    gl.uniform1i(at("surfaces"), Math.min(this.levels.length, 3));
+    gl.uniform1f(at("stride"), volume ? this.stride * (this.moving ? 2 : 1) : 1);
     gl.uniform1f(at("threshold"), this.threshold);
-    gl.uniform1f(at("gain"), volume ? volume.highest * this.brightness / volume.full : 0);
+    gl.uniform1f(at("gain"), this.brightness * (this.greatest || !volume ? 1
+      : volume.highest / volume.full));
+    gl.uniform1i(at("greatest"), this.greatest);
     gl.uniform1f(at("lit"), this.lit && volume ? 1 : 0);
     gl.uniform1i(at("raw"), raw);
     gl.uniform1i(at("bare"), bare);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
 
-  // Line integrals along the canvas' pixels, or one of them, first row on top.
+  // Line integrals along the canvas' pixels, or one of them, first row on top; largest values
+  // where those are shown.
   integrals(view, pixel = null) {
     const gl = this.gl, { width, height } = this.canvas, volume = this.data.volume;
     const [x, y, w, h] = pixel ? [pixel[0], height - 1 - pixel[1], 1, 1] : [0, 0, width, height];
@@ -356,7 +380,7 @@ class Light {
     this.draw(view, new Set(), true);
     gl.readPixels(x, y, w, h, gl.RGBA, gl.UNSIGNED_BYTE, bytes);
     gl.disable(gl.SCISSOR_TEST);
-    const whole = volume.highest * Math.hypot(...volume.extent) / 16777215;
+    const whole = volume.highest * (this.greatest ? 1 : Math.hypot(...volume.extent)) / 16777215;
     for (let k = 0; k < found.length; k++) {
       const from = 4 * ((h - 1 - Math.floor(k / w)) * w + k % w);
       found[k] = whole * (bytes[from] + 256 * bytes[from + 1] + 65536 * bytes[from + 2]);

@@ -1,7 +1,7 @@
 // A stage: the light and the triangles of a scene, turned by mouse, touch or keys, with its axes,
 // names and controls. Every element of the class "stage" carries its data as JSON.
 
-const AXES = ["x", "y", "z"], PADDING = 46;
+const AXES = ["x", "y", "z"], PADDING = 46, SUMS = ["line integrals", "maximum"];
 const dot = (a, b) => a.reduce((sum, value, k) => sum + value * b[k], 0);
 const cross = (a, b) => [0, 1, 2].map(
   (k) => a[(k + 1) % 3] * b[(k + 2) % 3] - a[(k + 2) % 3] * b[(k + 1) % 3]);
@@ -25,9 +25,17 @@ function ticks(lower, upper, most) {
   return Array.from({ length: Math.max(last - first + 1, 0) }, (_, k) => (first + k) * step);
 }
 
+function ramp(colours, way) {  // of a palette, as a style's background
+  const bytes = bytesOf(colours), steps = Array.from({ length: 17 }, (_, k) => {
+    const at = 3 * Math.round(255 * k / 16);
+    return `rgb(${bytes[at]},${bytes[at + 1]},${bytes[at + 2]})`;
+  });
+  return `linear-gradient(to ${way}, ${steps.join(",")})`;
+}
+
 class Stage {
   constructor(root) {
-    const data = JSON.parse(root.querySelector("script").textContent);
+    const data = JSON.parse(root.querySelector(":scope > script").textContent);
     for (const name of ["canvas", "svg", ".names", ".bars", ".readout", ".controls", "img"])
       this[name.replace(".", "")] = root.querySelector(name);
     const layers = new Map(data.layers.map((layer) => [layer.name, { ...layer }]));
@@ -245,7 +253,7 @@ class Stage {
     if (canvas.width !== width || canvas.height !== height)
       Object.assign(canvas, { width, height });
     const began = performance.now();
-    this.light.lit = this.on("light");
+    Object.assign(this.light, { lit: this.on("light"), moving: this.quality < 1 });
     this.light.draw(this.view(width, height), this.visible());
     if (this.quality < 1 || this.pace === undefined) {  // how long that took, with the card done
       this.light.gl.readPixels(0, 0, 1, 1, this.light.gl.RGBA, this.light.gl.UNSIGNED_BYTE,
@@ -416,7 +424,8 @@ class Stage {
           .map((value, k) => clamp(Math.floor(value), 0, [width, height][k] - 1));
         const [seen] = this.light.integrals(this.view(width, height), pixel);
         this.light.draw(this.view(width, height), this.visible());
-        if (seen > 0) words.push(`${number(seen, 3)} ${volume.integral_unit}`);
+        if (seen > 0) words.push(`${number(seen, 3)} ${this.light.greatest ? volume.unit
+          : volume.integral_unit}`);
       }
       this.readout.textContent = words.join(": ");
     });
@@ -436,7 +445,7 @@ class Stage {
   }
 
   update() {
-    const light = this.light, volume = this.data.volume;
+    const { light, data } = this, volume = data.volume;
     if (volume) {
       light.setPlanes(this.planes.map((one, axis) => [axis, Number(one.at.value)])
         .filter(([axis]) => this.on(`plane ${AXES[axis]}`)));
@@ -444,6 +453,8 @@ class Stage {
         .sort((a, b) => a - b) : [];
       light.threshold = Number(this.threshold.value) / 100;
       light.brightness = 2 ** Number(this.brightness.value);
+      light.greatest = this.sum.value !== SUMS[0];
+      volume.colours = data.palettes[this.colours.value];
       const axis = AXES.indexOf(this.cutAxis.value);
       light.cut = null;
       if (axis >= 0) {
@@ -457,7 +468,10 @@ class Stage {
         one.words.textContent = number(Number(one.at.value) + this.data.origin[axis], 3);
       });
       this.levels.forEach((one) => { one.parentNode.hidden = !this.on("surfaces"); });
-      this.brightness.parentNode.hidden = !this.on("light");
+      this.sum.parentNode.hidden = !this.on("light");
+      for (const layer of this.layers.values())
+        if (/^(light|surfaces|plane .)$/.test(layer.name))
+          layer.swatch.style.background = ramp(volume.colours, "right");
       this.cutAt.hidden = axis < 0;
     }
     this.showBars();
@@ -466,9 +480,12 @@ class Stage {
 
   showBars() {
     const bars = [], volume = this.data.volume, planes = this.light.planes.length;
-    if (volume && this.on("light")) bars.push([volume.colours, 0, volume.full / this.light.brightness,
-      `light along the line of sight (${volume.integral_unit})`]);
-    if (volume && (planes || this.on("surfaces"))) bars.push([volume.colours, 0, volume.highest,
+    const { brightness, greatest } = this.light, most = volume && volume.highest / brightness;
+    if (volume && this.on("light")) bars.push(greatest
+      ? [volume.colours, 0, most, `largest on the line of sight (${volume.quantity})`]
+      : [volume.colours, 0, volume.full / brightness,
+        `light along the line of sight (${volume.integral_unit})`]);
+    if (volume && (planes || this.on("surfaces"))) bars.push([volume.colours, 0, most,
       volume.quantity]);
     for (const { mesh } of this.light.batches)
       if (mesh.palette && mesh.title && this.on(mesh.group)) {
@@ -476,13 +493,9 @@ class Stage {
         break;
       }
     this.bars.replaceChildren(...bars.slice(0, 2).map(([colours, low, high, title]) => {
-      const bytes = bytesOf(colours), steps = Array.from({ length: 17 }, (_, k) => {
-        const at = 3 * Math.round(255 * k / 16);
-        return `rgb(${bytes[at]},${bytes[at + 1]},${bytes[at + 2]})`;
-      });
-      const ramp = made("i");
-      ramp.style.background = `linear-gradient(to top, ${steps.join(",")})`;
-      return made("div", {}, made("b", { textContent: title }), ramp, ...[0, 0.25, 0.5, 0.75, 1].map(
+      const bar = made("i");
+      bar.style.background = ramp(colours, "top");
+      return made("div", {}, made("b", { textContent: title }), bar, ...[0, 0.25, 0.5, 0.75, 1].map(
         (share) => {
           const text = made("span", { textContent: number(low + share * (high - low), 3) });
           text.style.bottom = `${100 * share}%`;
@@ -498,6 +511,13 @@ class Stage {
     return input;
   }
 
+  select(words, names) {
+    const list = made("select", {}, ...names.map((name) => new Option(name, name)));
+    list.setAttribute("aria-label", words);
+    list.addEventListener("change", () => this.update());
+    return list;
+  }
+
   offerControls() {
     const { data, controls } = this, volume = data.volume, rows = [];
     const row = (words, ...parts) => rows.push(made("label", { className: "row" },
@@ -509,13 +529,14 @@ class Stage {
       return button;
     });
     rows.push(made("div", { className: "zooms" }, ...this.zooms));
-    if (volume && volume.frames.length > 1) this.offerFilm(rows);
+    const isFilm = data.moments.length > 1;
+    if (isFilm) this.offerFilm(rows);
     const list = made("div", { className: "layers" });
     for (const layer of this.layers.values()) {
       layer.input = made("input", { type: "checkbox", checked: layer.visible });
       layer.input.dataset.layer = layer.name;
       layer.input.addEventListener("change", () => this.choose(layer.name, layer.input.checked));
-      const swatch = made("i");
+      const swatch = layer.swatch = made("i");
       swatch.style.background = `linear-gradient(to right, ${layer.colours.flatMap((colour, k, all) =>
         layer.gradient ? [colour] : [`${colour} ${100 * k / all.length}%`,
           `${colour} ${100 * (k + 1) / all.length}%`]).join(",")})`;
@@ -526,9 +547,11 @@ class Stage {
       this.threshold = this.slider("threshold, % of the largest value", 0, 100, 0.5, 0);
       row("brightness", this.brightness);
       row("threshold", this.threshold);
-      this.cutAxis = made("select", {}, ...["no cut", ...AXES].map((name) => new Option(name, name)));
-      this.cutAxis.setAttribute("aria-label", "axis across which the volume is cut");
-      this.cutAxis.addEventListener("change", () => this.update());
+      this.sum = this.select("what is shown along the line of sight", SUMS);
+      row("line of sight", this.sum);
+      this.colours = this.select("colours", Object.keys(data.palettes));
+      row("colours", this.colours);
+      this.cutAxis = this.select("axis across which the volume is cut", ["no cut", ...AXES]);
       this.cutAt = this.slider("where the volume is cut, %", 0, 100, 0.5, 50);
       row("cut", this.cutAxis, this.cutAt);
       this.levels = volume.levels.map((level) => this.slider("surface, % of the largest value",
@@ -543,37 +566,50 @@ class Stage {
       });
     }
     const details = made("details", { className: "more", open: innerWidth > 700 || data.open },
-      made("summary", { textContent: "Layers and sliders" }), list, ...rows.splice(volume
-        && volume.frames.length > 1 ? 2 : 1));
+      made("summary", { textContent: "Layers and sliders" }), list, ...rows.splice(isFilm ? 2 : 1));
     controls.append(...rows, details);
     if (data.note) controls.append(made("p", { className: "note", textContent: data.note }));
     this.update();
   }
 
+  // A page beside a program sets `load`, which fetches a frame; other pages hold them all.
   offerFilm(rows) {
-    const { volume, moments } = this.data, last = volume.frames.length - 1;
+    const { moments } = this.data, last = moments.length - 1;
     const slider = made("input", { type: "range", min: 0, max: last, step: 1, value: 0, id: "moment" });
     slider.setAttribute("aria-label", "Frame of the film");
     const play = made("button", { type: "button", textContent: "Play", className: "play" });
     const words = made("output", { className: "moment" });
+    const pace = made("select", {}, ...[2, 4, 8, 15, 30].map((n) => new Option(`${n} frames/s`, n)));
+    pace.setAttribute("aria-label", "Frames a second");
+    pace.value = 8;
     this.moment = (k) => {
       slider.value = k;
       words.textContent = moments[k].label;
       slider.setAttribute("aria-valuetext", moments[k].label);
-      this.light.show(k);
       this.root.dispatchEvent(new CustomEvent("moment", { detail: k, bubbles: true }));
-      this.ask();
+      if (this.load) return this.load(k);
+      this.light.show(k);
+      return this.ask();
     };
-    let timer = null;
-    this.pause = () => { clearInterval(timer); timer = null; play.textContent = "Play"; this.rest(); };
+    let playing = null;  // each run of the film has a number of its own
+    const run = async (own) => {
+      while (playing === own) {
+        const began = performance.now();
+        this.busy();
+        await this.moment((Number(slider.value) + 1) % (last + 1));
+        const left = 1000 / Number(pace.value) - (performance.now() - began);
+        await new Promise((done) => setTimeout(done, Math.max(left, 5)));
+      }
+    };
+    this.pause = () => { playing = null; play.textContent = "Play"; this.rest(); };
     play.addEventListener("click", () => {
-      if (timer !== null) return this.pause();
+      if (playing !== null) return this.pause();
       play.textContent = "Pause";
-      timer = setInterval(() => { this.busy(); this.moment((Number(slider.value) + 1) % (last + 1)); },
-        120);
+      playing = performance.now();
+      return run(playing);
     });
     slider.addEventListener("input", () => { this.pause(); this.busy(); this.moment(Number(slider.value)); });
-    rows.push(made("div", { className: "film" }, play, slider, words));
+    rows.push(made("div", { className: "film" }, play, slider, words, pace));
     words.textContent = moments[0].label;
   }
 }
