@@ -83,9 +83,10 @@ def stale(figures: Figures) -> list[str]:
             if of_run not in known:
                 known[of_run] = hash_of(record["default"]["modules"])
             if known[of_run] != of_run:
+                again = record.get("command", f"python tools/{study}.py --part {part}")
                 lines.append(
                     f"{FIGURES.name}: {study} {part}: measured at {record['commit']}, the default "
-                    f"has changed since; repeat: python tools/{study}.py --part {part} "
+                    f"has changed since; repeat: {again} "
                     f"-o out/{study} && python tools/studies/figures.py out/{study}/{study}.json"
                 )
     return lines

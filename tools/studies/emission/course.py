@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,14 +23,8 @@ Volume = NDArray[np.float32]
 class Course:
     """What a run came to; its watches stand still while it is judged.
 
-    Attributes
-    ----------
-    points : list of (float, float)
-        CPU seconds since the images were in memory, and the NRMSE.
-    volume : (nx, ny, nz) float32
-        The one nearest to the truth.
-    nrmse, cpu_seconds, wall_seconds : float
-        Of that volume.
+    It has ``points`` of CPU seconds since the images were in memory and NRMSE, and the ``volume``
+    nearest to the truth with its error and seconds.
     """
 
     def __init__(self, truth: Volume) -> None:
@@ -54,18 +48,10 @@ class Course:
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The volume of a method, how it was found, and what it took.
+    """A volume ``(nx, ny, nz)``, how it was found, and what it took.
 
-    Attributes
-    ----------
-    volume : (nx, ny, nz) float32
-    settings : mapping
-    cpu_seconds, wall_seconds : float
-        Of the run that found it, until it did.
-    tuning_seconds : float
-        CPU of all runs; None where nothing was tuned.
-    curve : list of (float, float)
-        CPU seconds and the least NRMSE of any run by then.
+    Seconds are of the run that found it, until it did; those of tuning are CPU of all runs. The
+    curve has CPU seconds and the least NRMSE of any run by then.
     """
 
     volume: Volume
@@ -73,7 +59,7 @@ class Found:
     cpu_seconds: float
     wall_seconds: float
     tuning_seconds: float | None = None
-    curve: list[tuple[float, float]] = field(default_factory=list)
+    curve: Sequence[tuple[float, float]] = ()
 
 
 def best_of(seen: Seen, run: Callable[..., None], tried: Iterable[Mapping[str, Any]]) -> Found:

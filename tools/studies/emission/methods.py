@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -29,17 +29,7 @@ FEWEST_EPOCHS = 4
 
 @dataclass(frozen=True)
 class Method:
-    """A row of a scene's table.
-
-    Attributes
-    ----------
-    run : callable
-        Makes a `Found` of a `Seen`.
-    is_ours : bool
-        Neither tuned nor stopped by the truth.
-    applies : callable
-        Whether it can be used on an `Emission`.
-    """
+    """What makes a `Found` of a `Seen`; ours are neither tuned nor stopped by the truth."""
 
     run: Callable[[Seen], Found]
     is_ours: bool = False
@@ -98,37 +88,32 @@ def abel(course: Course, seen: Seen, *, reg: Any) -> None:
     course.judge(np.maximum(np.stack(rows, axis=1), 0))
 
 
-def every(**values: tuple) -> list[dict[str, Any]]:
-    """Return all combinations of settings."""
-    return [dict(zip(values, one, strict=True)) for one in itertools.product(*values.values())]
-
-
-def _tuned(run: Callable[..., None], applies: Any = None, **values: tuple) -> Method:
-    found = partial(best_of, run=run, tried=every(**values))
-    return Method(found) if applies is None else Method(found, applies=applies)
+def _tuned(run: Callable[..., None], **values: Sequence) -> Method:
+    """Return a peer that tries all combinations of settings."""
+    tried = [dict(zip(values, one, strict=True)) for one in itertools.product(*values.values())]
+    return Method(partial(best_of, run=run, tried=tried))
 
 
 METHODS: Mapping[str, Method] = {
     **{name: Method(partial(ours, name), is_ours=True) for name in ("auto", "mlem", "tv")},
     "art": _tuned(classic, method=("art",), relaxation=(0.01, 0.03, 0.1, 0.3, 1.0)),
     "sart": _tuned(classic, method=("sart",), relaxation=(0.03, 0.1, 0.3, 1.0, 1.5)),
-    "abel": _tuned(
-        abel, lambda emission: emission.is_round,
-        reg=(0.0, "nonneg", ("diff", 1.0), ("diff", 10.0), ("diff", 100.0), ("diff", 1000.0)),
+    "abel": replace(
+        _tuned(abel, reg=(0.0, "nonneg", *(("diff", one) for one in (1.0, 10.0, 100.0, 1000.0)))),
+        applies=lambda emission: emission.is_round,
     ),
     "rtk-sart": _tuned(
-        toolkit.run_in_sweeps, filter_name=("SART",),
-        count=("NumberOfIterations",), EnforcePositivity=(True,), Lambda=(0.1, 0.3, 1.0),
+        toolkit.run, name=(toolkit.SART,), sweeps=((1, 1, 2, 4, 7, 10, 15, 25, 35),),
+        EnforcePositivity=(True,), Lambda=(0.1, 0.3, 1.0),
     ),
     "rtk-cg": _tuned(
-        toolkit.run_once, filter_name=("ConjugateGradient",),
-        NumberOfIterations=(5, 10, 20, 40, 80), Gamma=(0.0, 1.0, 10.0),
+        toolkit.run, name=(toolkit.CG,), sweeps=((5,), (10,), (20,), (40,), (80,)),
+        Gamma=(0.0, 1.0, 10.0),
     ),
     "rtk-tv": _tuned(
-        toolkit.run_in_sweeps,
-        filter_name=("RegularizedConjugateGradient",),
-        count=("MainLoop_iterations",), CG_iterations=(4,), PerformPositivity=(True,),
-        PerformTVSpatialDenoising=(True,), TV_iterations=(10,), GammaTV=(1e-4, 1e-3, 1e-2, 1e-1),
+        toolkit.run, name=(toolkit.TV,), sweeps=((1, 1, 2, 4, 6, 6),), CG_iterations=(4,),
+        PerformPositivity=(True,), PerformTVSpatialDenoising=(True,), TV_iterations=(10,),
+        GammaTV=(1e-4, 1e-3, 1e-2, 1e-1),
     ),
     "tensor-planes": _tuned(learned.fit, rate=(0.03,), roughness=(1e-3, 1e-2)),
     "neural-field": _tuned(learned.fit, rate=(0.01,), frequency=(2.0, 4.0)),

@@ -6,9 +6,9 @@ height and without noise, takes no part and judges what volumes predict.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -38,18 +38,9 @@ HELD = "held"
 class Emission:
     """Everything that determines a scene.
 
-    Attributes
-    ----------
-    kind : str
-        "flame", "jet", "smoke" or "sheet".
-    family : str
-        A field of `studies.scenes.fields`, a phantom, or one of `ROUND`.
-    rig : str
-        See `studies.scenes.cameras.rig`.
-    noise : str
-        One of `studies.common.flames.NOISES`.
-    seed : int
-        Of field, cameras and noise. The remainder by 5 selects the images' size.
+    The family is a field of `studies.scenes.fields`, a phantom, or one of `ROUND`; the rig as in
+    `studies.scenes.cameras.rig`; the noise one of `studies.common.flames.NOISES`. The seed is that
+    of field, cameras and noise; its remainder by 5 selects the images' size.
     """
 
     kind: str
@@ -70,17 +61,10 @@ class Emission:
 
 
 @dataclass(frozen=True)
-class RoundField:
-    """An axisymmetric emission around the vertical through the grid's middle.
+class InBox:
+    """An emission given by a function of points, and the grid outside of which it is dark."""
 
-    Parameters
-    ----------
-    family : str
-        One of `ROUND`.
-    grid : VoxelGrid
-    """
-
-    family: str
+    emission: Callable[[ArrayLike], NDArray]
     grid: VoxelGrid
 
     @property
@@ -90,49 +74,27 @@ class RoundField:
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float32]:
         """Return the emission ``(...)`` at ``points`` ``(..., 3)``."""
-        x, y, z = np.moveaxis((np.asarray(points) - self.grid.center) / self.grid.extent, -1, 0)
-        ends = np.clip((0.47 - np.abs(y)) / 0.08, 0, 1)
-        return (ROUND[self.family](np.hypot(x, z), y + 0.5) * ends).astype(np.float32)
+        return self.emission(points).astype(np.float32)
 
 
 def _shell(radius: NDArray, height: NDArray) -> NDArray:
-    """Return a Bunsen flame's shell, one twentieth of the grid thick."""
+    """Return a Bunsen flame's cone, its sheet a thirteenth of the grid thick."""
     return np.exp(-0.5 * np.square((radius - 0.38 * (1 - 0.9 * height)) / 0.032))
 
 
 def _puffs(radius: NDArray, height: NDArray) -> NDArray:
-    """Return a jet that widens, with rings that fade upwards."""
-    spread = 0.05 + 0.12 * height
-    return (
-        np.exp(-0.5 * np.square(radius / spread))
-        * (1 + 0.5 * np.cos(25 * height))
-        / (0.3 + height)
-    )
+    """Return a jet that widens, with puffs that fade upwards."""
+    across = np.exp(-0.5 * np.square(radius / (0.05 + 0.12 * height)))
+    return across * (1 + 0.5 * np.cos(25 * height)) / (0.3 + height)
 
 
 ROUND = {"round shell": _shell, "round puffs": _puffs}
+"""Profiles over the radius and, from 0 to 1, the height, both in extents of the grid."""
 
 
-@dataclass(frozen=True)
-class Phantom:
-    """One of the project's phantoms, made for a grid."""
-
-    family: str
-    seed: int
-    grid: VoxelGrid
-
-    @property
-    def reach(self) -> tuple[NDArray, NDArray]:
-        """The box outside of which there is no light."""
-        return self.grid.lower, self.grid.upper
-
-    @cached_property
-    def _field(self) -> phantoms.field.Field:
-        return phantoms.create(self.family, self.seed, self.grid.extent, self.grid.center)
-
-    def __call__(self, points: ArrayLike) -> NDArray[np.float32]:
-        """Return the emission ``(...)`` at ``points`` ``(..., 3)``."""
-        return self._field(points).astype(np.float32)
+def _round(profile: Callable, grid: VoxelGrid, points: ArrayLike) -> NDArray:
+    x, y, z = np.moveaxis((np.asarray(points) - grid.center) / grid.extent, -1, 0)
+    return profile(np.hypot(x, z), y + 0.5) * np.clip((0.47 - np.abs(y)) / 0.08, 0, 1)
 
 
 SCENES: Mapping[str, Emission] = {
@@ -160,20 +122,10 @@ QUICK = ("flame-5-clean", "jet-12-poisson", "sheet-8-gaussian")
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """A scene's images and truth.
+    """A scene's images and its truth, means of the field over the voxels.
 
-    Attributes
-    ----------
-    emission : Emission
-    grid : VoxelGrid
-    rig : Rig
-    held : Camera
-        The camera that judges.
-    images : (views, height, width) float32
-    held_image : (height, width) float32
-        Without noise.
-    truth : (nx, ny, nz) float32
-        Means of the field over the voxels.
+    ``images`` are ``(views, height, width)``, ``truth`` is ``(nx, ny, nz)``; ``held_image``
+    ``(height, width)``, without noise, is of the camera ``held``, which judges. All are float32.
     """
 
     emission: Emission
@@ -222,18 +174,16 @@ def _taken(
     emission: Emission, grid: VoxelGrid, rig: Rig, held: Camera
 ) -> dict[str, NDArray[np.float32]]:
     field = _field(emission, grid)
-    light = [radiance(camera, field).astype(np.float32) for camera in rig]
+    *light, held_image = (radiance(camera, field).astype(np.float32) for camera in (*rig, held))
     images = np.stack(with_noise(light, emission.noise, emission.seed)).astype(np.float32)
-    return {
-        "images": images,
-        "held_image": radiance(held, field).astype(np.float32),
-        "truth": phantoms.sample(field, grid, TRUTH_POINTS),
-    }
+    truth = phantoms.sample(field, grid, TRUTH_POINTS)
+    return {"images": images, "held_image": held_image, "truth": truth}
 
 
 def _field(emission: Emission, grid: VoxelGrid) -> Field:
-    if emission.family in ROUND:
-        return RoundField(emission.family, grid)
-    if emission.family in FAMILIES:
-        return KnownField(emission.family, emission.seed, grid)
-    return Phantom(emission.family, emission.seed, grid)
+    family, seed = emission.family, emission.seed
+    if family in FAMILIES:
+        return KnownField(family, seed, grid)
+    if family in ROUND:
+        return InBox(partial(_round, ROUND[family], grid), grid)
+    return InBox(phantoms.create(family, seed, grid.extent, grid.center), grid)

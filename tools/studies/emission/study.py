@@ -13,6 +13,7 @@ import typer
 from rigs.files import atomic_path
 from rigs.files.json_file import plain, write_json
 from rigs.progress import progress_of
+from studies.common.fingerprint import commit
 from studies.common.machine import load
 from studies.common.page import markdown
 from studies.common.results import fresh_run, kept_run
@@ -53,7 +54,6 @@ def run(
         Path | None,
         typer.Option(help="Run nothing; print the errors of a folder's volumes SCENE.npy."),
     ] = None,
-    processes: Annotated[int, typer.Option(help="At work at a time.", min=1, max=MOST)] = MOST,
     json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
 ) -> None:
     """Chart error against run time on twelve known emissions.
@@ -82,7 +82,7 @@ def run(
                 if not any((r["scene"], r["method"]) == (one, each) for r in _rows(result))
                 and METHODS[each].applies(SCENES[one])
             ]  # fmt: skip
-            measure(result, missing, out, cache, grid, processes)
+            measure(result, missing, out, cache, grid)
             tables = result["parts"][PART]["tables"]
     if json:
         print_json(tables)
@@ -96,12 +96,11 @@ def measure(
     out: Path,
     cache: Path,
     grid: VoxelGrid,
-    processes: int,
 ) -> None:
     """Add rows to a result, each written with its tables as it is done."""
     jobs = {one: (*one, cache, grid) for one in missing}
     with progress_of(True, PART) as progress:
-        for done, (key, row) in enumerate(at_work(measured, jobs, processes)):
+        for done, (key, row) in enumerate(at_work(measured, jobs, MOST)):
             progress(done + 1, len(jobs), " ".join(key))
             if "left_out" in row:
                 say(f"{key[1]}: left out: {row['left_out']}")
@@ -135,6 +134,7 @@ def measured(name: str, method: str, cache: Path, grid: VoxelGrid) -> dict[str, 
         "tuning_seconds": found.tuning_seconds,
         "settings": {key: str(value) for key, value in found.settings.items()},
         "load": load(),
+        "commit": commit(),
         "curve": curve[:: max(1, len(curve) // MOST_POINTS)] + curve[-1:],
     }
 
