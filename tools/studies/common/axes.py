@@ -28,7 +28,11 @@ def looks_of(names: Sequence[str]) -> dict[str, tuple[str, str]]:
 
 
 def curves(
-    panels: Mapping[str, Mapping[str, Points]], x: str, y: str, most_abreast: int = 2
+    panels: Mapping[str, Mapping[str, Points]],
+    x: str,
+    y: str,
+    most_abreast: int = 2,
+    marks: Mapping[str, str] | None = None,
 ) -> Figure:
     """Return panels of curves on logarithmic axes, with one legend above.
 
@@ -39,20 +43,23 @@ def curves(
     x, y : str
         Words along the axes.
     most_abreast : int
+    marks : mapping of str to str, optional
+        Names that are shown as large dark markers of that form, without lines.
     """
+    marks = marks or {}
     abreast = min(len(panels), most_abreast)
     down = math.ceil(len(panels) / abreast)
     figure = new_figure(5.2 * abreast if abreast > 1 else 6.4, 2.9 * down + 0.9)
     grid = figure.subplots(down, abreast, squeeze=False)
-    look = looks_of(sorted({name for panel in panels.values() for name in panel}))
+    look = looks_of(sorted({name for panel in panels.values() for name in panel} - set(marks)))
     for axes, (title, panel) in zip(grid.ravel(), panels.items(), strict=False):
         for name, points in panel.items():
             shown = [(a, b) for a, b in points if a > 0 and b > 0 and math.isfinite(b)]
-            colour, style = look[name]
-            dots = 3 if len(shown) <= MOST_DOTS else 0
+            colour, style = (INK, "none") if name in marks else look[name]
+            dots = 6 if name in marks else 3 if len(shown) <= MOST_DOTS else 0
             axes.plot(
                 *zip(*shown, strict=True), color=colour, linestyle=style, linewidth=1.4,
-                marker="o", markersize=dots, label=plain(name),
+                marker=marks.get(name, "o"), markersize=dots, label=plain(name),
             ) if shown else None  # fmt: skip
         log_log(axes)
         axes.set_title(plain(title), fontsize=8.5, color=INK)

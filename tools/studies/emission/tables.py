@@ -17,6 +17,9 @@ if TYPE_CHECKING:
 Row = Mapping[str, Any]
 
 BASELINE = "auto"
+MARKS = ("*", "^", "s", "P", "X")
+"""Of the methods that choose their own end, in the order of `METHODS`."""
+
 FIGURES = ("nrmse", "cosine_distance", "ssim", "held_out_psnr", "cpu_seconds")
 
 
@@ -77,5 +80,10 @@ def _nearest(name: str, own: Mapping[str, Row]) -> Row:
 
 def figure_of(by_scene: Mapping[str, Mapping[str, list]]) -> Figure:
     """Draw a panel a scene: the least error that each method had by a run time."""
-    panels = {name: by_scene[name] for name in SCENES if name in by_scene}
-    return curves(panels, "CPU seconds, one thread", "NRMSE", most_abreast=3)
+    panels = {
+        name: {m: by_scene[name][m] for m in METHODS if m in by_scene[name]}
+        for name in SCENES
+        if name in by_scene
+    }
+    marks = dict(zip((m for m in METHODS if METHODS[m].is_ours), MARKS, strict=True))
+    return curves(panels, "CPU seconds, one thread", "NRMSE", most_abreast=3, marks=marks)
