@@ -104,7 +104,7 @@ METHODS: Mapping[str, Method] = {
     ),
     "rtk-sart": _tuned(
         toolkit.run, name=(toolkit.SART,), sweeps=((1, 1, 2, 4, 7, 10, 15, 25, 35),),
-        EnforcePositivity=(True,), Lambda=(0.1, 0.3, 1.0),
+        EnforcePositivity=(True,), DivisionThreshold=(0.0, 20.0), Lambda=(0.1, 0.3, 1.0),
     ),
     "rtk-cg": _tuned(
         toolkit.run, name=(toolkit.CG,), sweeps=((5,), (10,), (20,), (40,), (80,)),

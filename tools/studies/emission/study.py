@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict
 from functools import cache as once
 from pathlib import Path
 from typing import Annotated, Any
@@ -125,8 +124,6 @@ def measured(name: str, method: str, cache: Path, grid: VoxelGrid) -> dict[str, 
     curve = found.curve or [(found.cpu_seconds, scene.scores(found.volume)["nrmse"])]
     return {
         "scene": name,
-        **asdict(scene.emission),
-        "views": len(scene.rig),
         "method": method,
         **scene.scores(found.volume),
         "cpu_seconds": found.cpu_seconds,
