@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 
 from tomo.operators import LinearSystem
-from tomo.operators.gpu import device_for, on_cpu, taken_to
+from tomo.operators.gpu import device_count, device_for, on_cpu, taken_to
 from tomo.operators.gpu.names import AUTO, CPU, CUDA, ON_CPU, device_number
 from tomo.pipeline.methods import Method, method_named
 from tomo.pipeline.options import Options
@@ -74,10 +74,7 @@ def device_of_rank(device: str, rank: int) -> str:
     rank : int
         The number of the process.
     """
-    if device != CUDA:
-        return device
-    found, _ = device_for(device, math.inf)
-    return device if found is None else f"{CUDA}:{rank % found.count}"
+    return f"{CUDA}:{rank % device_count(device)}" if device == CUDA else device
 
 
 def training_device(device: str) -> str:

@@ -21,9 +21,9 @@ the same text for the host and compare it with the float64 oracle. Neither compi
 product and a sum to one rounding: the device then has to compute the bits of the host's build.
 
 Modules: `kernels` (the text), `device` (CuPy), `device_operator` (what both forms share),
-`projector` (lengths computed at every product), `slabs` (the same of too large a volume), `matrix`
-(stored entries), `composition` (blurs of images, the linear basis), `probe` (`on_device`), `names`
-and `wanted` (the device that an option names).
+`projector` (lengths computed at every product) of `rays` on the device, `slabs` (the same of too
+large a volume), `matrix` (stored entries), `composition` (blurs of images, the linear basis),
+`probe` (`on_device`), `names` and `wanted` (the device that an option names).
 """
 
 import lazy_loader
@@ -37,6 +37,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "probe": ["on_device", "to_device"],
         "projector": ["DeviceProjector"],
         "slabs": ["DeviceSlabs"],
-        "wanted": ["device_for", "on_cpu", "taken_to"],
+        "wanted": ["device_count", "device_for", "on_cpu", "taken_to"],
     },
 )

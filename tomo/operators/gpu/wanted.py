@@ -52,6 +52,20 @@ def device_for(name: str, work: float) -> tuple[CudaDevice | None, str]:
     return device, f"computed on {device.name}"
 
 
+def device_count(name: str) -> int:
+    """Return how many devices there are, where one is asked for by ``name``.
+
+    Raises
+    ------
+    ValueError
+        If there is none, in one line.
+    """
+    try:
+        return CudaDevice().count
+    except DeviceError as error:
+        raise ValueError(_refused(name, str(error))) from None
+
+
 def taken_to(
     operator: ProjectionOperator, name: str, work: float
 ) -> tuple[ProjectionOperator, str]:
