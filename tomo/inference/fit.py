@@ -1,4 +1,8 @@
-"""The fit of one frame: voxels, what they leave of the images, and the trust in each pixel."""
+"""The fit of one frame: voxels, what they leave of the images, and the trust in each pixel.
+
+Its arrays are NumPy's, wherever products are computed: it is of a coarse copy, whose images are
+filtered and judged between solves.
+"""
 
 from __future__ import annotations
 
@@ -142,6 +146,7 @@ class Fit:
         if self.around is not None:
             return self
         around = Surroundings.of(self.observation.grid).equations(self.system)
+        around = self.observation.placed(around)
         return replace(self, around=around, outside=np.zeros(around.projector.shape[1]))
 
 
@@ -165,6 +170,7 @@ def equations_of(
         supersample=one.supersample,
         form="stored",
     ).with_linear_basis(one.supersample, one.blur)
+    system = one.placed(system)
     several = {"supersample": one.supersample}
     if one.absorption.emission:
         volumes = [None] * len(observations) if means is None else means
@@ -185,7 +191,7 @@ def continued(
         systems = equations_of(observations, active, [one.means for one in found])
     around = found[0].around
     if around is not None and not same:
-        around = Surroundings.of(now.grid).equations(systems[0])
+        around = now.placed(Surroundings.of(now.grid).equations(systems[0]))
     fits = []
     for one, observation, system in zip(found, observations, systems, strict=True):
         measured = system.flatten(list(observation.images)).astype(np.float64)

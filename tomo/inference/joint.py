@@ -1,41 +1,33 @@
-"""Voxels of one or several frames and effects in one least-squares problem, solved together."""
+"""Voxels of one or several frames and effects in one least-squares problem, solved together.
+
+Voxels and pixels are where products are computed, the parameters of effects are NumPy's.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
-from tomo._compute.reductions import dot
+from tomo._compute.arrays import as_type, host, namespace, zeros
+from tomo._compute.reductions import dot, largest, total
+from tomo.inference.columns import OwnColumns, SharedColumns
+from tomo.inference.unknowns import (
+    Unknowns,
+    feasible,
+    free_of,
+    goes_below,
+    rows_of,
+    stacked,
+    summed,
+)
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import RelativeCurvature
-
-
-class Unknowns(NamedTuple):
-    """Voxels, voxels around the grid, parameters of the views, those that views share, a field.
-
-    Each frame has its own voxels; the others are common to all frames. Parameters are in standard
-    deviations of their priors.
-    """
-
-    voxels: NDArray[np.float64]  # (frames, unknowns)
-    outside: NDArray[np.float64]  # (frames, outside unknowns)
-    own: NDArray[np.float64]  # (parameters, views)
-    shared: NDArray[np.float64]  # (parameters,)
-    nodes: NDArray[np.float64]  # (nodes,), of the field
-
-    def plus(self, step: float, other: Unknowns) -> Unknowns:
-        """Return the sum with ``step`` times another."""
-        return Unknowns(*(a + step * b for a, b in zip(self, other, strict=True)))
-
-    def dot(self, other: Unknowns) -> float:
-        """Return the inner product."""
-        return sum(dot(a.ravel(), b.ravel()) for a, b in zip(self, other, strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,7 +39,7 @@ class FrameProblem:
     operator : ProjectionOperator
         ``A``, of the voxels in the grid.
     weights : (pixels,) float64
-        ``W``, inverse variances.
+        ``W``, inverse variances, where the operator computes.
     prior : RelativeCurvature
         ``D``.
     strength : float
@@ -65,7 +57,7 @@ class FrameProblem:
     """
 
     operator: ProjectionOperator
-    weights: NDArray[np.float64]
+    weights: Any
     prior: RelativeCurvature
     strength: float
     own: NDArray[np.float64]
@@ -75,50 +67,46 @@ class FrameProblem:
     field: LinearOperator | None = None
 
     @cached_property
-    def _views(self) -> list[slice]:
-        """The pixels of each view."""
-        ptr = self.operator.view_ptr
-        return [slice(a, b) for a, b in zip(ptr[:-1].tolist(), ptr[1:].tolist(), strict=True)]
+    def _own(self) -> OwnColumns:
+        return OwnColumns(self.own, self.operator.view_ptr, self.weights)
 
-    def view_sums(self, values: NDArray[np.float64], pixels: NDArray) -> NDArray[np.float64]:
-        """Return the inner products over each view, ``(k, views)`` of ``(k, pixels)``."""
-        found = np.zeros((len(values), len(self._views)))
-        for view, own in enumerate(self._views if len(values) else ()):
-            found[:, view] = np.einsum("kp,p->k", values[:, own], pixels[own])
-        return found
+    @cached_property
+    def _shared(self) -> SharedColumns:
+        return SharedColumns(self.shared, self.weights)
 
-    def forward(
-        self, x: NDArray, o: NDArray, own: NDArray, shared: NDArray, nodes: NDArray
-    ) -> NDArray[np.float64]:
-        """Return ``A x + B o + T t + F f``, ``(pixels,)``."""
-        pixels = np.asarray(self.operator @ x.astype(np.float32), np.float64)
+    def _there(self, values: NDArray) -> Any:
+        """Return values where the operator computes, in double precision."""
+        return self.operator.array(np.asarray(values, np.float64))
+
+    def forward(self, x: Any, o: Any, own: NDArray, shared: NDArray, nodes: NDArray) -> Any:
+        """Return ``A x + B o + T t + F f``, ``(pixels,)`` float64."""
+        pixels = as_type(self.operator @ as_type(x, np.float32), np.float64)
         if self.outside is not None:
-            pixels = pixels + np.asarray(self.outside @ o.astype(np.float32), np.float64)
-        for view, rows in enumerate(self._views if len(self.own) else ()):
-            pixels[rows] += np.einsum("kp,k->p", self.own[:, rows], own[:, view])
-        for column, value in zip(self.shared, shared, strict=True):
-            pixels = pixels + column * value
+            pixels = pixels + as_type(self.outside @ as_type(o, np.float32), np.float64)
+        if len(self.own):
+            pixels = pixels + self._own.forward(own)
+        pixels = self._shared.added(pixels, shared)
         if self.field is not None:
-            pixels = pixels + np.asarray(self.field @ nodes.astype(np.float32), np.float64)
+            pixels = pixels + self._there(self.field @ nodes.astype(np.float32))
         return pixels
 
-    def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
+    def adjoint(self, pixels: Any) -> Unknowns:
         """Return the adjoint of `forward`: voxels ``(unknowns,)``, and so on."""
-        single = pixels.astype(np.float32)
-        outside = np.zeros(0) if self.outside is None else self.outside.T @ single
-        nodes = np.zeros(0) if self.field is None else self.field.T @ single
+        single = as_type(pixels, np.float32)
+        outside = zeros((0,), pixels) if self.outside is None else self.outside.T @ single
+        nodes = np.zeros(0) if self.field is None else self.field.T @ host(single)
         return Unknowns(
-            np.asarray(self.operator.T @ single, np.float64),
-            np.asarray(outside, np.float64),
-            self.view_sums(self.own, pixels),
-            np.einsum("kp,p->k", self.shared, pixels),
+            as_type(self.operator.T @ single, np.float64),
+            as_type(outside, np.float64),
+            self._own.adjoint(pixels),
+            self._shared.adjoint(pixels),
             np.asarray(nodes, np.float64),
         )
 
-    def _bent(self, x: NDArray[np.float64]) -> NDArray[np.float64]:
-        return self.prior.forward(x.astype(np.float32)).astype(np.float64)
+    def _bent(self, x: Any) -> Any:
+        return as_type(self.prior.forward(as_type(x, np.float32)), np.float64)
 
-    def energy(self, x: NDArray, o: NDArray, image: NDArray[np.float64]) -> float:
+    def energy(self, x: Any, o: Any, image: Any) -> float:
         """Return the quadratic form of a direction, its parameters apart."""
         bent = self._bent(x)
         return (
@@ -127,41 +115,40 @@ class FrameProblem:
             + self.outside_strength * dot(o, o)
         )
 
-    def downhill(self, x: NDArray, o: NDArray, residual: NDArray[np.float64]) -> Unknowns:
+    def downhill(self, x: Any, o: Any, residual: Any) -> Unknowns:
         """Return minus half the gradient, without the prior of the parameters."""
         g = self.adjoint(self.weights * residual)
-        bent = self.prior.adjoint(self._bent(x).astype(np.float32)).astype(np.float64)
+        bent = self.prior.adjoint(as_type(self._bent(x), np.float32))
+        bent = as_type(bent, np.float64)
         return g._replace(
             voxels=g.voxels - self.strength * bent, outside=g.outside - self.outside_strength * o
         )
 
-    def diagonals(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def diagonals(self) -> tuple[Any, Any]:
         """Return bounds of the normal matrix's diagonal, of voxels in and around the grid."""
-        curvature = 8 * self.strength * float(np.mean(self.prior.weights.astype(np.float64)) ** 2)
-        lengths = self.weights * np.asarray(self.operator.row_sums)
-        x = np.asarray(self.operator.T @ lengths.astype(np.float32), np.float64) + curvature
-        x = np.maximum(x, 1e-9 * x.max(initial=1e-30))
+        mean = total(as_type(self.prior.weights, np.float64)) / self.prior.weights.shape[0]
+        curvature = 8 * self.strength * float(mean**2)
+        x = as_type(self._diagonal_of(self.operator), np.float64) + curvature
+        x = namespace(x).maximum(x, 1e-9 * max(float(largest(x)), 1e-30))
         if self.outside is None:
-            return x, np.zeros(0)
-        lengths = self.weights * np.asarray(self.outside.row_sums)
-        o = np.asarray(self.outside.T @ lengths.astype(np.float32)) + self.outside_strength
-        return x, o
+            return x, zeros((0,), x)
+        return x, self._diagonal_of(self.outside) + self.outside_strength
+
+    def _diagonal_of(self, operator: ProjectionOperator) -> Any:
+        """Return ``A^T W A 1`` of an operator, ``(unknowns,)``."""
+        lengths = self.weights * self._there(operator.row_sums)
+        return operator.T @ as_type(lengths, np.float32)
 
     def field_diagonal(self) -> NDArray[np.float64]:
         """Return the same bound of the field's nodes, ``(nodes,)``."""
         if self.field is None:
             return np.zeros(0)
-        return np.asarray(
-            self.field.T @ (self.weights * (self.field @ np.ones(self.field.shape[1])))
-        )
+        weights = host(self.weights)
+        return np.asarray(self.field.T @ (weights * (self.field @ np.ones(self.field.shape[1]))))
 
     def grams(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return ``T^T W T`` of each view's own parameters, and of those that views share."""
-        k = len(self.own)
-        own = np.zeros((len(self._views), k, k))
-        for n, column in enumerate(self.own):
-            own[:, n] = self.view_sums(self.own, self.weights * column).T
-        return own, np.einsum("kp,p,lp->kl", self.shared, self.weights, self.shared)
+        return self._own.gram(), self._shared.gram()
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,25 +169,28 @@ class Joint:
     departure: tuple[NDArray[np.float64], NDArray[np.float64]]
     pull: NDArray[np.float64] = field(default_factory=lambda: np.zeros(0))
 
-    def forward(self, z: Unknowns) -> NDArray[np.float64]:
+    def forward(self, z: Unknowns) -> Any:
         """Return what each frame predicts, ``(frames, pixels)``."""
-        each = zip(self.frames, z.voxels, z.outside, strict=True)
-        return np.stack([one.forward(x, o, *z[2:]) for one, x, o in each])
+        each = zip(self.frames, rows_of(z.voxels), rows_of(z.outside), strict=True)
+        return stacked([one.forward(x, o, *z[2:]) for one, x, o in each])
 
-    def adjoint(self, pixels: NDArray[np.float64]) -> Unknowns:
+    def adjoint(self, pixels: Any) -> Unknowns:
         """Return the adjoint of `forward`."""
-        return _summed([one.adjoint(own) for one, own in zip(self.frames, pixels, strict=True)])
+        each = zip(self.frames, rows_of(pixels), strict=True)
+        return summed([one.adjoint(own) for one, own in each])
 
-    def _energy(self, z: Unknowns, image: NDArray[np.float64]) -> float:
+    def _energy(self, z: Unknowns, image: Any) -> float:
         """Return the quadratic form of a direction."""
-        each = zip(self.frames, z.voxels, z.outside, image, strict=True)
+        each = zip(self.frames, rows_of(z.voxels), rows_of(z.outside), rows_of(image), strict=True)
         parameters = float((z.own**2).sum() + (z.shared**2).sum())
         return sum(one.energy(x, o, own) for one, x, o, own in each) + parameters
 
-    def _downhill(self, z: Unknowns, residual: NDArray[np.float64]) -> Unknowns:
+    def _downhill(self, z: Unknowns, residual: Any) -> Unknowns:
         """Return minus half the gradient."""
-        each = zip(self.frames, z.voxels, z.outside, residual, strict=True)
-        g = _summed([one.downhill(x, o, own) for one, x, o, own in each])
+        each = zip(
+            self.frames, rows_of(z.voxels), rows_of(z.outside), rows_of(residual), strict=True
+        )
+        g = summed([one.downhill(x, o, own) for one, x, o, own in each])
         return g._replace(
             own=g.own - z.own - self.departure[0],
             shared=g.shared - z.shared - self.departure[1],
@@ -209,7 +199,7 @@ class Joint:
 
     def _preconditioner(self) -> Callable[[Unknowns, Unknowns], Unknowns]:
         """Return the map by a bound of the diagonal for voxels, by blocks for parameters."""
-        x, o = map(np.stack, zip(*(one.diagonals() for one in self.frames), strict=True))
+        x, o = map(stacked, zip(*(one.diagonals() for one in self.frames), strict=True))
         both = zip(*(one.grams() for one in self.frames), strict=True)
         grams, gram = (np.sum(each, axis=0) for each in both)
         blocks = np.asarray(np.linalg.inv(grams + np.eye(grams.shape[1])), np.float64)
@@ -228,9 +218,7 @@ class Joint:
 
         return apply
 
-    def solve(
-        self, b: NDArray[np.float64], z: Unknowns, iterations: int
-    ) -> tuple[Unknowns, NDArray[np.float64]]:
+    def solve(self, b: Any, z: Unknowns, iterations: int) -> tuple[Unknowns, Any]:
         """Return the unknowns after some iterations of projected conjugate gradients from ``z``.
 
         Also returns the residual ``b - A x - B o - T t - F f``, ``(frames, pixels)`` as ``b``.
@@ -240,7 +228,7 @@ class Joint:
         direction, steep, size = z, z, 0.0
         for number in range(iterations):
             g = self._downhill(z, residual)
-            free = _free(z, g)
+            free = free_of(z, g)
             before, size_before = steep, size
             steep = precondition(g, free)
             size = g.dot(steep)
@@ -256,41 +244,13 @@ class Joint:
             if not step > 0:
                 break
             there = z.plus(step, direction)
-            change = _feasible(there).plus(-1.0, z)
-            if any((own < 0).any() for own in (there.voxels, there.outside, there.nodes)):
+            change = feasible(there).plus(-1.0, z)
+            if any(goes_below(own) for own in (there.voxels, there.outside, there.nodes)):
                 image = self.forward(change)
                 energy = self._energy(change, image)
                 step = min(max(g.dot(change) / energy, 0.0), 1.0) if energy > 0 else 0.0
-                z = _feasible(z.plus(step, change))
+                z = feasible(z.plus(step, change))
             else:
                 z = there
             residual = residual - step * image
         return z, residual
-
-
-def _summed(each: Sequence[Unknowns]) -> Unknowns:
-    """Return the voxels of every frame, and the sums of their parameters."""
-    return Unknowns(
-        np.stack([one.voxels for one in each]),
-        np.stack([one.outside for one in each]),
-        np.sum([one.own for one in each], axis=0),
-        np.sum([one.shared for one in each], axis=0),
-        np.sum([one.nodes for one in each], axis=0),
-    )
-
-
-def _free(z: Unknowns, downhill: Unknowns) -> Unknowns:
-    """Return 1 for what may change: what is above zero, or would rise."""
-    return Unknowns(
-        np.where((z.voxels <= 0) & (downhill.voxels <= 0), 0.0, 1.0),
-        np.where((z.outside <= 0) & (downhill.outside <= 0), 0.0, 1.0),
-        np.ones_like(z.own),
-        np.ones_like(z.shared),
-        np.where((z.nodes <= 0) & (downhill.nodes <= 0), 0.0, 1.0),
-    )
-
-
-def _feasible(z: Unknowns) -> Unknowns:
-    """Return the nearest unknowns of which no voxel and no node is below zero."""
-    voxels, outside, nodes = (np.maximum(own, 0) for own in (z.voxels, z.outside, z.nodes))
-    return z._replace(voxels=voxels, outside=outside, nodes=nodes)

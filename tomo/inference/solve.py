@@ -9,9 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse.linalg import LinearOperator
 
+from tomo._compute.arrays import host
 from tomo.grid import ActiveVoxels
 from tomo.inference.fit import Fit, equations_of, variance_of
-from tomo.inference.joint import FrameProblem, Joint, Unknowns
+from tomo.inference.joint import FrameProblem, Joint
+from tomo.inference.unknowns import Unknowns
 from tomo.model.effect import Effect, Prediction
 from tomo.model.observation import Observation
 from tomo.operators import LinearSystem
@@ -107,6 +109,7 @@ def next_fits(
         return tuple(next_fit(one) for one in found), {}
     parameters = _Parameters.of(effects, found[0].observation, free, values)
     problems, variances = [], []
+    there = found[0].system.projector.array
     for one in found:
         projector = one.system.projector
         prediction = one.prediction
@@ -116,8 +119,8 @@ def next_fits(
         problems.append(
             FrameProblem(
                 projector,
-                one.trust / (variances[-1] * one.inflation),
-                RelativeCurvature(projector.active, one.unknowns.astype(np.float32)),
+                there(one.trust / (variances[-1] * one.inflation)),
+                RelativeCurvature(projector.active, there(one.unknowns.astype(np.float32))),
                 1 / (ROUGH * peak) ** 2,
                 *parameters.columns(prediction),
                 None if one.around is None else one.around.projector,
@@ -128,8 +131,8 @@ def next_fits(
     operators = [one.field for one in problems if one.field is not None]
     own, shared = map(np.zeros_like, parameters.departure)
     start = Unknowns(
-        np.stack([one.unknowns for one in found]),
-        np.stack([one.outside for one in found]),
+        there(np.stack([one.unknowns for one in found])),
+        there(np.stack([one.outside for one in found])),
         own,
         shared,
         parameters.nodes,
@@ -137,11 +140,13 @@ def next_fits(
     measured = np.stack([one.measured for one in found])
     if operators:  # a field is solved for itself, not for its change
         measured = measured + [one @ parameters.nodes for one in operators]
-    pull = _pull(operators, [one.weights for one in problems])
-    z, residual = Joint(problems, parameters.departure, pull).solve(measured, start, THEN)
+    pull = _pull(operators, [host(one.weights) for one in problems])
+    problem = Joint(problems, parameters.departure, pull)
+    with found[0].system.projector.computing():
+        z, residual = problem.solve(there(measured), start, THEN)
     fits = []
     for one, voxels, outside, left, variance in zip(
-        found, z.voxels, z.outside, residual, variances, strict=True
+        found, host(z.voxels), host(z.outside), host(residual), variances, strict=True
     ):
         inflation = one.inflation
         if not effects:

@@ -13,6 +13,8 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel
 from tomo.operators import TRANSPARENT, Absorption, LinearSystem
+from tomo.operators.gpu import on_device
+from tomo.operators.gpu.device import Device
 from tomo.scan.downsample import Coarser
 
 Images = tuple[NDArray[np.float32], ...]
@@ -49,6 +51,8 @@ class Observation:
         Width of a pixel, in those of the images as recorded.
     light : float, optional
         The brightest light of a film that this is a frame of; that of its own images when None.
+    device : Device, optional
+        Where products with its equations are computed; on the CPU when None.
     """
 
     rig: Rig
@@ -62,6 +66,7 @@ class Observation:
     supersample: int = 1
     pixel: int = 1
     light: float | None = None
+    device: Device | None = None
 
     @cached_property
     def brightest(self) -> float:
@@ -73,6 +78,12 @@ class Observation:
             for image, mask in zip(self.images, self.masks, strict=True)
         ]
         return max([0.0, *found])
+
+    def placed(self, system: LinearSystem) -> LinearSystem:
+        """Return equations where their products are to be computed."""
+        if self.device is None:
+            return system
+        return replace(system, projector=on_device(system.projector, self.device)[0])
 
     def coarser(self, factor: int, rays: int = 1) -> Observation:
         """Return the observation in pixels and voxels ``factor`` times as wide.

@@ -31,6 +31,7 @@ from tomo.model import (
 from tomo.model.effect import Effect
 from tomo.operators import Absorption, extinction_of
 from tomo.operators.view_gains import Gains
+from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.coarse import CoarseCopy, factor_of
 from tomo.pipeline.findings import findings_of, findings_of_pixels
 from tomo.pipeline.frames import images_of, noise_of_frames
@@ -38,6 +39,7 @@ from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
+from tomo.pipeline.place import device_of_inference
 from tomo.pipeline.refine import Refinement, priors_of
 from tomo.pipeline.scan_lines import with_lines
 from tomo.pipeline.screen import ScreenedScan
@@ -149,7 +151,7 @@ def _inferred(
     factor = factor_of(scan.rig, grid)
     whole = Observation(
         scan.rig, tuple(screened.images), tuple(screened.masks), screened.noise, grid, known,
-        scan.sets_scale,
+        scan.sets_scale, device=device_of_inference(scan.rig, grid, options, methods_of(options)),
     )  # fmt: skip
     names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
     priors = priors_of([name for name in names if name in cameras], whole, options)

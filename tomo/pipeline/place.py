@@ -5,9 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
+from rigs import Rig
+from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.operators.gpu import device_count, device_for, on_cpu, taken_to
+from tomo.operators.gpu.device import Device
 from tomo.operators.gpu.names import AUTO, CPU, CUDA, ON_CPU, device_number
+from tomo.operators.memory import estimate_memory
 from tomo.pipeline.methods import Method, method_named
 from tomo.pipeline.options import Options
 
@@ -57,6 +61,21 @@ def at_device(
         work = float(system.projector.n_segments) * _iterations(options)
     projector, place = taken_to(system.projector, options.device, work)
     return replace(system, projector=projector), place
+
+
+def device_of_inference(
+    rig: Rig, grid: VoxelGrid, options: Options, methods: list[Method]
+) -> Device | None:
+    """Return the device that effects of cameras and gas are found on; None for the CPU.
+
+    It is that of the equations: ``auto`` goes by an estimate of their segments.
+    """
+    if options.device == CPU or _through_entries(methods):
+        return None
+    work = math.inf
+    if options.device == AUTO and options.frames is None:
+        work = float(estimate_memory(tuple(rig), grid).segments) * _iterations(options)
+    return device_for(options.device, work)[0]
 
 
 def system_on_cpu(system: LinearSystem) -> LinearSystem:
