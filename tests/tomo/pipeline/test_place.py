@@ -9,6 +9,7 @@ import pytest
 from host_build import CompileException
 
 from tomo import load_scan
+from tomo.model import Observation
 from tomo.operators import Absorption, LinearSystem
 from tomo.operators.gpu import wanted
 from tomo.pipeline import Options, reconstruct
@@ -20,20 +21,19 @@ pytestmark = pytest.mark.usefixtures("quick_choices")
 STAND_IN = "computed on Stand-in (cuda:0)"
 
 
-def of(folder, *, screen=False, **settings):
-    options = Options(uncertainty=0, screen=screen, align=screen, **settings)
+def of(folder, **settings):
+    options = Options(uncertainty=0, screen=False, align=False, **settings)
     return reconstruct(load_scan(folder), options=options)
 
 
 @pytest.mark.parametrize(
     "settings",
     [
-        {"screen": True},
         {"projector": "on-the-fly", "basis": "linear"},
         {"method": "mlem", "iterations": 8, "absorption": 0.02, "projector": "on-the-fly"},
         {"method": "sart", "iterations": 4, "hold_out": "cam01"},
     ],
-    ids=["auto", "linear", "gas", "sart"],
+    ids=["linear", "gas", "sart"],
 )
 def test_a_volume_is_that_of_the_cpu_and_says_where_it_was_computed(folder, cupy, far, settings):
     own, there = of(folder, **settings), of(folder, device="cuda", **settings)
@@ -42,6 +42,27 @@ def test_a_volume_is_that_of_the_cpu_and_says_where_it_was_computed(folder, cupy
     assert "--fmad=false" in cupy.options
     assert far(there.volume, own.volume) < 1e-4
     assert there.report()["settings"]["device"] == "cuda"
+
+
+def test_findings_volume_and_intervals_are_those_of_the_cpu(folder, cupy, far, monkeypatch):
+    scan = load_scan(folder)
+    devices, placed = [], Observation.placed
+
+    def noted(observation, system):
+        devices.append(observation.device)
+        return placed(observation, system)
+
+    monkeypatch.setattr(Observation, "placed", noted)
+    own = reconstruct(scan, options=Options())
+    assert not any(devices)
+    there = reconstruct(scan, options=Options(device="cuda"))
+    assert any(devices)
+    reports = [one.report() for one in (own, there)]
+    said = [[(f["effect"], f["camera"]) for f in one["findings"]] for one in reports]
+    assert said[0] == said[1]
+    assert far(there.volume, own.volume) < 1e-4
+    widths = [one["uncertainty"]["intervals"]["voxels"]["median_half_width"] for one in reports]
+    assert widths[1] == pytest.approx(widths[0], rel=1e-2)
 
 
 def test_auto_takes_a_device_where_the_problem_is_worth_it(folder, cupy, monkeypatch):

@@ -54,8 +54,11 @@ def test_the_part_measures_all_that_a_gpu_is_to_show(cupy, plume, monkeypatch):
         assert row["gray_per_second"] == pytest.approx(rays / row["seconds"] / 1e9)
         share = 30 * row["crossings_per_second"] / (132 * 128 * 1.98e9)
         assert row["issue_share"] == pytest.approx(share)
-    demo, on_gpu, large = tables["solves"]
-    assert (demo["where"], on_gpu["where"]) == ("cpu", "cuda")
+    *demo, large = tables["solves"]
+    assert [row["where"] for row in demo] == ["cpu", "cuda"] * 2
+    whole, effects = np.reshape([row["seconds"] for row in demo], (2, 2))
+    assert (effects > 0).all()
+    assert (effects < whole).all()
     assert large["what"] == "8^3, 3 views of 12 x 12, 30 iterations"
     assert large["gigabytes"] == pytest.approx(3.2, abs=0.1)
     own, there = tables["film"]
