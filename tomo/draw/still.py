@@ -107,8 +107,8 @@ def show_light(
 
         scene = isosurface_scene(volume, looks.levels) + scene
         words = ", ".join(f"{100 * level:g}" for level in looks.levels)
-        axes.text(0.02, 0.98, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
-                  va="top", transform=axes.transAxes)  # fmt: skip
+        axes.text(0.02, 1.0, f"Surfaces at {words} % of the maximum", fontsize=7, color=INK,
+                  va="bottom", transform=axes.transAxes)  # fmt: skip
         return show_scene(axes, scene, viewpoint, bounds, up)
     integrals = emission_image(volume, viewpoint)
     full = full or end_of_scale(float(integrals.max()))

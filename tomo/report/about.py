@@ -50,8 +50,8 @@ def origin_rows(report: Mapping, about: About | None) -> list[tuple[str, str]]:
         rows.append(("by", about.command or "Python"))
     version = (report.get("versions") or {}).get("flametomo")
     if version:
-        commit = _commit()
-        rows.append(("flametomo", f"{version}, commit {commit}" if commit else str(version)))
+        found = commit()
+        rows.append(("flametomo", f"{version}, commit {found}" if found else str(version)))
     return rows
 
 
@@ -83,13 +83,14 @@ def method_in_words(report: Mapping) -> str:
     return sentence
 
 
-def _commit() -> str:
+def commit() -> str:
     """Return the commit of a checkout that runs; empty where the program is installed."""
     root = Path(tomo.__file__).parents[1]
     if not (root / ".git").exists():
         return ""
-    asked = ("git", "-C", str(root), "rev-parse", "--short", "HEAD")
+    asked = ("git", "describe", "--always", "--dirty", "--exclude=*")
     try:
-        return subprocess.run(asked, capture_output=True, text=True, timeout=5).stdout.strip()
+        found = subprocess.run(asked, cwd=root, capture_output=True, text=True, timeout=5)
     except (OSError, subprocess.TimeoutExpired):
         return ""
+    return found.stdout.strip()

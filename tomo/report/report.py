@@ -14,13 +14,19 @@ from tomo.pipeline.answer import HARMFUL
 from tomo.pipeline.peak import peak_in_words
 from tomo.pipeline.view import View
 from tomo.report.about import About, origin_rows
-from tomo.report.facts import detail_tables, number_text, without_nulls
+from tomo.report.facts import (
+    advice,
+    as_sentence,
+    detail_tables,
+    number_text,
+    verdict_part,
+    without_nulls,
+)
 from tomo.report.glossary import with_glossary
 from tomo.report.pictures import Picture, draw
 from tomo.report.result_figures import method_of
 from tomo.report.uncertainty_tables import coverage_table, trust_figures
 from tomo.report.view_pictures import view_pictures
-from tomo.report.words import advice, as_sentence, verdict_part
 
 _TITLES = {
     "rig": "Cameras and volume",

@@ -17,9 +17,15 @@ from tomo.draw.page import render
 from tomo.draw.scene import Scene
 from tomo.draw.stage import stage
 from tomo.pipeline.peak import peak_in_words
-from tomo.report.facts import detail_tables, number_text, without_nulls
+from tomo.report.facts import (
+    advice,
+    detail_tables,
+    number_text,
+    short_unit,
+    verdict_part,
+    without_nulls,
+)
 from tomo.report.glossary import with_glossary
-from tomo.report.words import advice, short_unit, verdict_part
 from tomo.series.answer import answer_of_series
 from tomo.series.table import SeriesTable
 from tomo.series.verdict import verdict_of_series

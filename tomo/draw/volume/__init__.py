@@ -6,6 +6,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "isosurface": ["coarsened", "isosurface", "isosurface_scene"],
-        "volume_picture": ["draw_volume"],
+        "visualize": ["draw_volume"],
     },
 )

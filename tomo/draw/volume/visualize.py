@@ -4,19 +4,35 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from rigs.files import atomic_path
-from tomo.draw.emission import LIGHT, Looks, turning_gif
-from tomo.draw.figures import save_figure
-from tomo.draw.scene import Scene
+from tomo.draw.emission import EYE, LIGHT, Looks, turning_gif
+from tomo.draw.figures import INK, MUTED, new_figure, raised, save_figure, with_unit
+from tomo.draw.frame import UP
+from tomo.draw.rig.rig_scene import volume_scene
+from tomo.draw.scene import ColourScale, Scene
+from tomo.draw.shapes import box_corners
+from tomo.draw.stage import Shown
+from tomo.draw.still import panel, show_light
 from tomo.draw.suffixes import TURNING, suffix_of
+from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.given import volume_of
-from tomo.draw.volume.isosurface import LEVELS
+from tomo.draw.volume.isosurface import LEVELS, finite, isosurface_scene
+from tomo.draw.volume.planes import Slices, planes_row, row_size
+from tomo.draw.write_glb import write_glb
+from tomo.draw.write_html import write_html
 from tomo.grid import Volume, VoxelGrid
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
     from tomo.draw.volume.given import GivenVolume
+
+_DPI = 200
+_HEIGHT = 4.9  # inches of the picture
 
 
 def visualize_volume(
@@ -54,22 +70,68 @@ def visualize_volume(
     own = Volume(own, own.grid, length_unit or own.length_unit, value_unit)
     title = title or Path(path).stem
     if suffix == ".png":
-        from tomo.draw.volume.volume_picture import draw_volume
-
         save_figure(draw_volume(own, title=title, looks=looks), path)
     elif suffix == TURNING:
         with atomic_path(path) as temporary:
             temporary.write_bytes(turning_gif(own, colours=looks.colours))
     elif suffix == ".glb":
-        from tomo.draw.rig.rig_scene import volume_scene
-        from tomo.draw.volume.isosurface import isosurface_scene
-        from tomo.draw.write_glb import write_glb
-
         box = volume_scene(own.grid, own.length_unit)
         write_glb(path, box + isosurface_scene(own, looks.levels or LEVELS))
     else:
-        from tomo.draw.stage import Shown
-        from tomo.draw.write_html import write_html
-
         scene = Scene(length_unit=own.length_unit)
         write_html(path, scene, title=title, shown=Shown((own,), looks=looks))
+
+
+def draw_volume(volume: Volume, *, title: str = "", looks: Looks = LIGHT) -> Figure:
+    """Return the figure: the volume's light as a camera sees it, and three middle planes.
+
+    Parameters
+    ----------
+    volume : Volume
+    title : str
+        Stands above the picture.
+    looks : Looks
+        Surfaces in place of the light, other colours.
+
+    Raises
+    ------
+    ValueError
+        If no value is finite.
+    """
+    if not np.isfinite(volume).any():
+        raise ValueError("volume: found no finite value, expected at least one to draw")
+    volume, grid, unit = finite(volume), volume.grid, volume.length_unit
+    wide, tall = grid.extent[[0, 2, 0]], grid.extent[[1, 1, 2]]
+    inches = min(4.2 / wide.sum(), (_HEIGHT - 1.8) / tall.max())
+    across = float(np.hypot(*grid.extent[[0, 2]]) / grid.extent[1])
+    sight = min(max(3.2 * across + 1.9, 2.6), 5.0)  # inches of the light's width
+    size = sight + 0.2 + row_size(grid, inches)[0], _HEIGHT
+    figure = new_figure(*size, dpi=_DPI)
+    place: dict[str, Any] = {"x": 0.12 / size[0], "va": "center", "parse_math": False}
+    figure.text(
+        **place, y=1 - 0.24 / _HEIGHT, s=title or "Volume", fontsize=11, weight="bold", color=INK
+    )
+    lowest, highest = min(float(volume.min()), 0.0), max(float(volume.max()), 0.0)
+    sizes = " × ".join(f"{length:.4g}" for length in grid.extent)
+    counts = " × ".join(str(n) for n in grid.shape)
+    ends = f"{volume.min():.3g} to {volume.max():.3g} {raised(volume.value_unit)}".strip()
+    words = f"{sizes} {unit}, {counts} voxels, values {ends}"
+    figure.text(**place, y=1 - 0.47 / _HEIGHT, s=words, fontsize=8, color=MUTED)
+    rect = (0.12 / size[0], 0.12 / _HEIGHT, sight / size[0], 1 - 0.8 / _HEIGHT)
+    axes, pixels = panel(figure, rect)
+    bounds = np.stack([grid.lower, grid.upper])
+    viewpoint = Viewpoint.framing(
+        box_corners(*bounds), UP.eye_direction(*EYE), UP.vector, pixels,
+        margins=(0.24, 0.08, 0.03, 0.12), distance=6,
+    )  # fmt: skip
+    scene = volume_scene(grid, unit) if looks.levels else Scene(length_unit=unit)
+    show_light(axes, volume, scene, viewpoint, bounds, up=UP, looks=looks)
+    scale = ColourScale(
+        with_unit("emission", volume.value_unit),
+        lowest,
+        highest if highest > lowest else 1.0,
+        looks.colours,
+    )
+    corner = sight + 0.2, _HEIGHT - 0.55
+    planes_row(figure, corner, inches, Slices("Middle planes", volume, scale))
+    return figure

@@ -9,7 +9,6 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-import subprocess
 import sys
 import threading
 from collections.abc import Iterable
@@ -19,6 +18,7 @@ from types import FrameType
 from typing import Any
 
 from studies.common.timing import in_fresh_process
+from tomo.report.about import commit
 
 ROOT = Path(__file__).resolve().parents[3]
 PACKAGES = ("rigs", "tomo")
@@ -26,23 +26,13 @@ PACKAGES = ("rigs", "tomo")
 
 def origin() -> dict[str, Any]:
     """Return the commit of this checkout, and the modules of the default with their hash."""
-    return {"commit": commit(), "default": _default()}
+    return {"commit": commit() or "unknown", "default": _default()}
 
 
 @cache
 def _default() -> dict[str, Any]:
     modules = in_fresh_process("studies.common.fingerprint")["modules"]
     return {"hash": hash_of(modules), "modules": modules}
-
-
-def commit() -> str:
-    """Return the commit of this checkout, or "unknown"."""
-    command = ["git", "describe", "--always", "--dirty", "--exclude=*"]
-    try:
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
-    except (OSError, subprocess.CalledProcessError):
-        return "unknown"
-    return done.stdout.strip()
 
 
 def hash_of(modules: Iterable[str], root: Path = ROOT) -> str:

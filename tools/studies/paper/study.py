@@ -13,7 +13,6 @@ import typer
 from rigs.files import atomic_path
 from rigs.files.json_file import plain, write_json
 from rigs.progress import progress_of
-from studies.common.fingerprint import commit
 from studies.common.machine import machine
 from studies.common.page import markdown, significant
 from studies.paper.claims import CLAIMS
@@ -23,6 +22,7 @@ from studies.paper.training import measured_row
 from tomo.cli.console import print_json, say
 from tomo.cli.errors import bad_input_in_one_line
 from tomo.cli.outputs import check_output_folder
+from tomo.report.about import commit
 
 VERSION = 4
 SIZES = ("full", "quick", "tiny")
@@ -88,7 +88,7 @@ def run_rows(wanted: Iterable[Row], out: Path, size: str) -> dict[str, Any]:
         with progress_of(True, row.part) as progress:
             record = measured_row(_of_size(row, size), out, progress)
         host = {key: machine()[key] for key in ("cpu", "cores")}
-        record |= {"command": row.command, "commit": commit(), **host}
+        record |= {"command": row.command, "commit": commit() or "unknown", **host}
         result["rows"][row.name] = plain(record, digits=6)
         write_json(path, result, indent=1)
         write_page(result, out, row.part)
