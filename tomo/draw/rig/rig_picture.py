@@ -83,7 +83,7 @@ def draw_rig(
     entries |= {mesh.group: mesh.colour for mesh in extra.meshes}
     if grid is not None:
         closeup = _closeup(
-            figure, (0.64, 0.075, 0.352, 0.835), rig, grid, scene, up, volume, looks
+            figure, (0.64, 0.075, 0.352, 0.825), rig, grid, scene, up, volume, looks
         )
         box = viewpoint.project(box_corners(grid.lower, grid.upper))
         _magnifier(figure, overview, closeup, box)
