@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.accuracy import Accuracy
+from rigs.figures import Accuracy, Optics
 from rigs.geometry.image_checks import (
     OnImage,
     check_accuracy,
@@ -24,7 +24,6 @@ from rigs.geometry.image_checks import (
 )
 from rigs.geometry.rotation import numbers, rotation
 from rigs.lens import Distortion, turned
-from rigs.optics import Optics
 
 _LONGEST_FOCUS = 1e9
 """Pixels: 1 km of focal length and pixels of 1 um. A longer one makes images of a voxel that no

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Protocol, Self, TypeGuard
 from numpy.typing import ArrayLike, NDArray
 
 if TYPE_CHECKING:
-    from rigs.accuracy import Accuracy
+    from rigs.figures import Accuracy, Optics
     from rigs.lens import Distortion
-    from rigs.optics import Optics
 
 
 class CameraLike(Protocol):

@@ -8,8 +8,8 @@ from dataclasses import replace
 from numpy.typing import ArrayLike
 
 from rigs.camera import Camera, look_at, pinhole_matrix
+from rigs.figures import Optics
 from rigs.lens import Distortion
-from rigs.optics import Optics
 
 
 def camera_at(

@@ -15,8 +15,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "result": ["Calibration"],
         "synchrony": ["Synchrony"],
         "refraction.window_prior": ["WindowPrior"],
-        "targets.boards": ["CharucoBoard", "Chessboard"],
+        "targets.boards": ["CharucoBoard", "Chessboard", "parse_target"],
         "targets.circle_grid": ["CircleGrid"],
-        "targets.target_text": ["parse_target"],
     },
 )

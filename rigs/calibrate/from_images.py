@@ -17,8 +17,7 @@ from rigs.calibrate.detect.image_sets import image_set, notes_of
 from rigs.calibrate.detect.split_sets import check_not_split
 from rigs.calibrate.options import check_lens_options, check_options, common_lenses
 from rigs.calibrate.result import Calibration
-from rigs.calibrate.targets.boards import Target
-from rigs.calibrate.targets.target_text import parse_target
+from rigs.calibrate.targets.boards import Target, parse_target
 from rigs.progress import Progress, progress_of, staged
 from rigs.recordings import Mosaic
 from rigs.rig import Rig

@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
-from rigs.calibrate.adjust.culling import Culled, adjust_and_cull
+from rigs.calibrate.adjust.culling import Culled, adjust_and_cull, adjust_robustly, noise
 from rigs.calibrate.adjust.film import Film
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
-from rigs.calibrate.adjust.robust import adjust_robustly, noise
+from rigs.calibrate.quality.covariance import SINGULAR
 from rigs.calibrate.quality.quality import image_figures
 
 _CLEAR = 5.0  # standard errors by which an offset exceeds zero before it is applied
@@ -27,7 +27,6 @@ _SETTLED_WAY = 0.01  # pixels by which the settled way changes predictions, in a
 _ROUGH_WAY = 0.05  # the same to find offsets; a hundredth of a frame is more in films worth it
 _MOST = 0.995  # of the observations; at the ends of a run the way of one camera alone is loose
 _ITERATIONS = 25  # of finding the way anew; it settles after three to fifteen
-_SINGULAR = 1e-12  # relative least eigenvalue of the normal equations; below it is rounding
 
 
 @dataclass(frozen=True, eq=False)
@@ -235,7 +234,7 @@ def _covariance(
     unknowns = len(matrix) + 6 * len(np.unique(arrays.frame[used]))
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    if residuals.size <= unknowns or values[0] < _SINGULAR * values[-1]:
+    if residuals.size <= unknowns or values[0] < SINGULAR * values[-1]:
         return None
     variance = float((residuals**2).sum()) / (residuals.size - unknowns)
     variance *= image_figures(scene, arrays, used, freedom)[3]

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
-from rigs.calibrate.adjust.culling import adjust_and_cull
+from rigs.calibrate.adjust.culling import adjust_and_cull, adjust_robustly, noise
 from rigs.calibrate.adjust.lens_choice import LensRules
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
@@ -19,7 +19,6 @@ from rigs.calibrate.adjust.observation_arrays import (
     world_points,
 )
 from rigs.calibrate.adjust.observation_arrays import Scene as Unknowns
-from rigs.calibrate.adjust.robust import adjust_robustly, noise
 from rigs.calibrate.joint_adjustment import Adjusted, adjust_together
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.refraction.refraction import Refraction

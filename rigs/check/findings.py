@@ -17,10 +17,10 @@ from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import gas, glass, hardware
 from rigs.check.words import short
 from rigs.files.units import UNITS
+from rigs.geometry.rays import SILENT
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"
-_SILENT = 0.1  # voxels; lines of sight that miss by less change no voxel
 
 
 def findings(check: RigCheck) -> tuple[Finding, ...]:
@@ -216,7 +216,7 @@ def _blur(check: RigCheck) -> Iterator[Finding]:
 def _ray_misses(check: RigCheck) -> Iterator[Finding]:
     """Find lines of sight that do not meet within a voxel."""
     ratio = check.ray_miss / check.voxel
-    if not ratio >= _SILENT:
+    if not ratio >= SILENT:
         return
     unit = check.coverage.rig.length_unit
     text = f"lines of sight miss each other by {check.ray_miss:.3g} {unit} ({ratio:.2g} voxels)"

@@ -10,12 +10,13 @@ import secrets
 import shutil
 import threading
 import zlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 
-from rigs.files.flush import flush, flush_whole
+_NO_FLUSH = (errno.EINVAL, errno.ENOTSUP, errno.EBADF)
+"""What systems say that cannot flush a folder: some network disks."""
 
 _moving = threading.Lock()
 """Held by a thread that moves files which belong together, never by the main thread."""
@@ -239,3 +240,34 @@ def _runs(process: int) -> bool:
     import psutil
 
     return psutil.pid_exists(process)
+
+
+def flush(paths: Iterable[Path]) -> None:
+    """Return once files and folders are on the disk, one after the other.
+
+    A folder's own entry holds the names in it. So a file stays whole under its name once the file
+    and then its folder are flushed. Windows flushes no folders.
+
+    Raises
+    ------
+    OSError
+        If the disk could not keep one of them.
+    """
+    for path in paths:
+        is_folder = path.is_dir()
+        if is_folder and os.name == "nt":
+            continue
+        handle = os.open(path, os.O_RDWR if os.name == "nt" else os.O_RDONLY)
+        try:
+            os.fsync(handle)
+        except OSError as error:
+            if not is_folder or error.errno not in _NO_FLUSH:
+                raise
+        finally:
+            os.close(handle)
+
+
+def flush_whole(path: Path) -> None:
+    """Flush a file, or a folder with all that is in it, the innermost first."""
+    inside = sorted(path.rglob("*"), key=lambda one: (one.is_dir(), -len(one.parts)))
+    flush([*inside, path])

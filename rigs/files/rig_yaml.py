@@ -6,13 +6,12 @@ import os
 from pathlib import Path
 from typing import Any, cast
 
-from rigs.accuracy import Accuracy
 from rigs.camera import Camera, look_at
 from rigs.camera_protocol import CameraLike
+from rigs.figures import Accuracy, Optics
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import read_yaml_mapping
 from rigs.lens import Distortion
-from rigs.optics import Optics
 from rigs.placed_camera import matrix_of_lens, optics_of_lens
 from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import load_ray_table

@@ -16,7 +16,7 @@ from rigs.files.atomic import atomic_path
 
 _MAX_BYTES = 16 * 2**20
 _MAX_LINE = 16 * 2**20  # bytes; COLMAP writes all points of an image into one line
-_MAX_DEPTH = 32
+MAX_DEPTH = 32  # levels of nesting; foreign files need below ten, and deeper trees cost a stack
 _MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
 
 _SPECIAL = (
@@ -230,7 +230,7 @@ def _check_events(text: str, path: str | os.PathLike) -> None:
             raise ValueError(f"{path}: found more than {_MAX_VALUES} values, expected fewer")
         if isinstance(event, yaml.CollectionStartEvent):
             depth += 1
-            if depth > _MAX_DEPTH:
+            if depth > MAX_DEPTH:
                 raise ValueError(f"{path}: broken YAML at line {line}: nested too deeply")
 
 

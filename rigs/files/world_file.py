@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.files.units import UNKNOWN, metres, resized
-from rigs.geometry.alignment import are_on_a_line, motion_between
+from rigs.geometry.alignment import POORLY_MET, are_on_a_line, motion_between
 from rigs.geometry.rotation import numbers, rotation
 from rigs.rig import Rig
 
-_POORLY_MET = 0.05  # misfit relative to the points' RMS distance from their middle
 _KINDS = (
     ("R", "t"),
     ("origin", "x_axis", "xy_plane"),
@@ -160,7 +159,7 @@ def _by_places(points: NDArray, become: NDArray, rescale: bool, frame: str) -> W
     R, t, size = motion_between(points, become, rescale)
     misfit = float(np.sqrt(((size * points @ R.T + t - become) ** 2).sum(axis=1).mean()))
     extent = float(np.sqrt(((become - become.mean(axis=0)) ** 2).sum(axis=1).mean()))
-    if misfit > _POORLY_MET * extent:
+    if misfit > POORLY_MET * extent:
         _, _, ratio = motion_between(points, become, rescale=True)
         raise ValueError(
             f"become: found points off these places by {misfit:.3g} RMS, {misfit / extent:.0%} of "

@@ -6,10 +6,7 @@ import os
 import re
 from xml.etree import ElementTree
 
-from rigs.files.text import read_text
-
-#: Levels of nesting; FileStorage and Metashape need below ten, and deeper trees cost a stack.
-_MAX_DEPTH = 32
+from rigs.files.text import MAX_DEPTH, read_text
 
 
 class _Guarded(ElementTree.TreeBuilder):
@@ -20,7 +17,7 @@ class _Guarded(ElementTree.TreeBuilder):
     def start(self, tag: str, attributes: dict[str, str]) -> ElementTree.Element:
         """Open an element, or refuse it."""
         self.depth += 1
-        if self.depth > _MAX_DEPTH:
+        if self.depth > MAX_DEPTH:
             raise ValueError("broken XML: nested too deeply")
         return super().start(tag, attributes)
 

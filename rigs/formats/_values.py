@@ -19,7 +19,7 @@ from rigs.geometry.rotation import rotation
 logger = logging.getLogger(__name__)
 
 _HEAD = 65536  # bytes
-_RIGID = 1e-4  # deviation from orthonormal of rotations stored with few digits
+RIGID = 1e-4  # deviation from orthonormal, or each other, of rotations stored with few digits
 
 
 def read_head(path: Path) -> str:
@@ -148,7 +148,7 @@ def flat(found: object, what: str) -> NDArray[np.float64]:
 
 def as_rotation(found: object, what: str) -> NDArray[np.float64]:
     """Return ``found`` as a rotation ``(3, 3)``; it may have few digits."""
-    return rotation(as_array(found, (3, 3), what), what, _RIGID)
+    return rotation(as_array(found, (3, 3), what), what, RIGID)
 
 
 def rotation_of_motion(motion: NDArray[np.float64], what: str) -> NDArray[np.float64]:

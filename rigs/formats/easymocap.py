@@ -26,7 +26,7 @@ from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import by_suffix, keys_found, matrix, read_storage, turn, vector
 from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector
-from rigs.formats._values import as_count, errors_of, read_head
+from rigs.formats._values import RIGID, as_count, errors_of, read_head
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -34,8 +34,6 @@ logger = logging.getLogger(__name__)
 _SUFFIXES = (".yml", ".yaml", ".json", ".xml")
 _STEMS = {"K": "K", "dist": "D", "D": "D", "W": "W", "H": "H", "R": "R", "Rot": "Rot", "T": "T"}
 _KEY = re.compile(r'(?:^|[\s{,<])"?(?:K|R|Rot)_[\w.-]+(?:"?\s*:|\s+type_id|>)')
-#: Largest entry of the difference of R_<name> and Rot_<name>, which are written with six digits.
-_SAME_ROTATION = 1e-4
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -120,6 +118,6 @@ def _rotation(entry: Mapping[str, Any], name: str) -> NDArray[np.float64]:
     found = [turn({"R": entry[key]}) for key in ("R", "Rot") if key in entry]
     if not found:
         raise ValueError(f"R_{name}: missing, expected it as other cameras have one")
-    if np.abs(found[0] - found[-1]).max() > _SAME_ROTATION:
+    if np.abs(found[0] - found[-1]).max() > RIGID:
         raise ValueError(f"Rot_{name}: found another rotation than R_{name}, expected the same")
     return found[0]

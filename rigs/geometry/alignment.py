@@ -5,6 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+POORLY_MET = 0.05
+"""Misfit, relative to the RMS distance of given points from their middle, that is worth a word."""
+
 _ON_A_LINE = 1e-6  # second spread over the first, below which points fix no turn about their line
 
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.accuracy import Accuracy
+from rigs.figures import Accuracy
 
 STATUSES = ("calibrated", "nominal", "virtual")
 

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from rigs.camera_protocol import CameraLike
 
+SILENT = 0.1
+"""Voxels: lines of sight that miss by less change no voxel, however significant the miss is."""
+
 
 def nearest_point(
     positions: NDArray[np.float64], directions: NDArray[np.float64]

@@ -12,8 +12,9 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.lens.perspective import TOLERANCE
+
 _TABLE_SIZE = 4096  # angles from which Newton's method starts
-_TOLERANCE = 4e-14  # of a solved radius, relative to 1 + the radius
 
 
 def project(coefficients: tuple[float, ...], points: NDArray) -> tuple[NDArray, NDArray]:
@@ -55,7 +56,7 @@ def unproject(coefficients: tuple[float, ...], plane: NDArray) -> NDArray[np.flo
         inside = (slope > 0) & (step >= low) & (step <= high)
         angle = np.where(inside, step, (low + high) / 2)
     radius, _ = _radius(coefficients, angle)
-    good = (np.abs(radius - target) <= _TOLERANCE * (1 + target)) & (angle < limit)
+    good = (np.abs(radius - target) <= TOLERANCE * (1 + target)) & (angle < limit)
     unit = plane[seen] / np.where(target > 0, target, 1.0)[:, None]
     found = np.concatenate([np.sin(angle)[:, None] * unit, np.cos(angle)[:, None]], axis=1)
     directions[seen] = np.where(good[:, None], found, np.nan)

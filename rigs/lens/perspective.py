@@ -17,7 +17,7 @@ _WIDEST = math.radians(89.9)  # largest angle off the axis at which a fold is lo
 _NEAREST = 1e-8  # smallest such angle above zero, radians
 _RADIAL_STEPS = 1024  # angles of the search for a fold
 _DIRECTIONS = 256  # of that search, around the axis of a lens that is not symmetric
-_TOLERANCE = 4e-14  # of a solved image coordinate, relative to 1 + its radius
+TOLERANCE = 4e-14  # of a solved image coordinate, relative to 1 + its radius
 _BLOCK = 16384  # points solved at a time; more leave the processor's cache
 _CLOSE = 2e-15  # relative error at which Newton's method stops
 
@@ -232,12 +232,12 @@ def _newton(full: tuple[float, ...], target: NDArray, start: NDArray) -> NDArray
             error[rows[better]] = trial_error[better]
             moved[waiting[better]] = True
             # Points within rounding that do not improve are done.
-            moved[waiting[error[rows] <= _TOLERANCE * scale[rows]]] = True
+            moved[waiting[error[rows] <= TOLERANCE * scale[rows]]] = True
             reach /= 2
             if moved.all():
                 break
         active = active[moved & (error[active] > _CLOSE * scale[active])]
-    found = (error <= _TOLERANCE * scale) & _lens_in_domain(full, point)[1]
+    found = (error <= TOLERANCE * scale) & _lens_in_domain(full, point)[1]
     return np.where(found[:, None], point, np.nan)
 
 

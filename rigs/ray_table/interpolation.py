@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 REACH = 8.0  # table pixels of extrapolation beyond the outermost centres
 _NODES = 32  # start rays along each side of the image; fewer may miss a basin
-_DEPTHS = 16  # start points along each of them
+DEPTHS = 16  # start points along each of them
 _STARTS = 8  # start points tried where the table has holes or jumps
-_STEPS = 40  # of Newton's method; it takes some five
-_CLOSE = 1e-9  # pixels, where Newton's method stops
+STEPS = 40  # of Newton's method; it takes some five
+CLOSE = 1e-9  # pixels, where Newton's method stops
 _GOOD = 1e-4  # pixels; a kink between two cells may keep Newton's method that far off
 
 
@@ -165,11 +165,11 @@ def _nodes(
     away = np.linalg.norm(points - o.mean(axis=0), axis=1)
     spread = float(np.linalg.norm(o - o.mean(axis=0), axis=1).max())
     low, high = max(float(away.min()) - spread, 1e-3 * float(away.max())), float(away.max())
-    steps = np.linspace(low, max(high + spread, low * (1 + 1e-9)), _DEPTHS)
+    steps = np.linspace(low, max(high + spread, low * (1 + 1e-9)), DEPTHS)
     nodes = o[:, None] + steps[:, None] * d[:, None]  # (rays, depths, 3)
     return (
         nodes.reshape(-1, 3),
-        np.repeat(pixels, _DEPTHS, axis=0),
+        np.repeat(pixels, DEPTHS, axis=0),
         np.tile(steps, len(pixels)),
     )
 
@@ -187,7 +187,7 @@ def _newton(
     state = np.column_stack([start, lengths])  # (N, 3): x, y, s
     last = np.full(len(points), np.inf)
     active = np.arange(len(points))
-    for _ in range(_STEPS):
+    for _ in range(STEPS):
         rays = interpolated_rays(origins, directions, state[active, :2])
         s = state[active, 2:]
         residual = points[active] - rays.origin - s * rays.direction
@@ -210,7 +210,7 @@ def _newton(
         stuck = np.abs(state[active, :2] - before).max(axis=1) < _GOOD
         stuck &= moved > 1
         last[active] = np.where(stuck, np.inf, moved)
-        active = active[(moved > _CLOSE) & np.isfinite(moved) & ~stuck]
+        active = active[(moved > CLOSE) & np.isfinite(moved) & ~stuck]
         if not len(active):
             break
     good = (last <= _GOOD) & (state[:, 2] > 0)

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from rigs.files.archives import read_arrays
+from rigs.figures import Optics
 from rigs.files.inside import path_inside
+from rigs.files.size_guard import read_arrays
 from rigs.files.text import write_bytes
-from rigs.optics import Optics
 from rigs.ray_table.ray_table import RayTable
 
 _OPTIONAL = ("image_size", "scale", "offset")

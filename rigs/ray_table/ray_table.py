@@ -9,8 +9,8 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.accuracy import Accuracy
 from rigs.camera_protocol import CameraLike
+from rigs.figures import Accuracy, Optics
 from rigs.geometry.image_checks import (
     OnImage,
     check_accuracy,
@@ -24,7 +24,6 @@ from rigs.geometry.image_checks import (
     scaled_size,
 )
 from rigs.geometry.rotation import numbers, rotation
-from rigs.optics import Optics
 from rigs.ray_table.interpolation import interpolated_rays, project_to_table
 from rigs.ray_table.nearest_pinhole import NearestPinhole, fitted_pinhole
 from rigs.ray_table.ray_arrays import (

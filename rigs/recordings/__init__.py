@@ -14,7 +14,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "split_member",
         ],
         "images": [
-            "MOST_BITS",
             "check_pattern",
             "intensities",
             "intensities_with_full_scale",
@@ -27,7 +26,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "notes": ["image_notes"],
         "film_formats.raw_film": ["RawLayout"],
         "recording": ["FrameError", "Recording"],
-        "still": ["Still"],
+        "still": ["MOST_BITS", "Still"],
         "stills": ["IMAGE_SUFFIXES", "image_size", "luminance", "read_still"],
         "write": ["write_image"],
     },

@@ -19,8 +19,6 @@ from rigs.recordings.tiff import TIFF_MARKS, opened_tiff, tiff_page
 if TYPE_CHECKING:
     from rigs.recordings.recording import Recording
 
-MOST_BITS = 32
-
 _MOST_CHANNELS = 64
 """Pages of a still that are read as its channels: cameras of many bands have some tens. Following
 a long chain of pages takes long."""

@@ -14,7 +14,6 @@ from rigs.recordings.tiff import TIFF_MARKS, image_page, opened_tiff
 if TYPE_CHECKING:
     import tifffile
 
-_ORIENTATION = 274  # the tag's number in TIFF and in EXIF
 _VIEWS = {
     2: "mirrored left to right",
     3: "turned by 180 degrees",
@@ -78,7 +77,7 @@ def _said_by(path: str | os.PathLike) -> list[str]:
         if is_tiff:
             with opened_tiff(file) as opened:
                 page = image_page(opened)
-                orientation = page.tags.valueof(_ORIENTATION, 1)
+                orientation = page.tags.valueof("Orientation", 1)
                 others = [
                     opened.pages.first,
                     cast("tifffile.TiffPage", opened.pages.get(1, default=page)),
@@ -89,12 +88,13 @@ def _said_by(path: str | os.PathLike) -> list[str]:
                         "smaller ones beside it are taken for thumbnails"
                     )
         else:
+            import PIL.ExifTags
             import PIL.Image
 
             header = header_of(file)
             # the general method: PNG's own decodes the image first, however large it claims to be
             exif = PIL.Image.Image.getexif(header)
-            orientation, kind = exif.get(_ORIENTATION, 1), header.format
+            orientation, kind = exif.get(PIL.ExifTags.Base.Orientation, 1), header.format
         if orientation in _VIEWS:
             said.append(
                 f"an orientation tag ({orientation}) asks for images to be viewed "

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 CHANNELS = ("r", "g", "b")
-_LARGEST = 4  # bytes of an integer: float32 holds the sums of no larger ones
+MOST_BITS = 32  # of an integer: float32 holds the sums of no larger ones
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,9 +46,9 @@ class Still:
         kind, size = pixels.dtype.kind, pixels.dtype.itemsize
         if kind == "f":
             return cls(pixels, None, is_mosaic)
-        if kind not in "iu" or size > _LARGEST:
+        if kind not in "iu" or 8 * size > MOST_BITS:
             raise ValueError(
-                f"found {pixels.dtype} pixels, expected integers of at most {8 * _LARGEST} bits "
+                f"found {pixels.dtype} pixels, expected integers of at most {MOST_BITS} bits "
                 "or floating point"
             )
         bits = bits or 8 * size

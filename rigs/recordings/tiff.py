@@ -42,8 +42,6 @@ _MOST_PAGES = 4
 """Pages of a file with one image: the image, a thumbnail, a mask. Following a long chain of pages
 takes long."""
 
-_REDUCED, _MASK = 1, 4  # bits of a page's NewSubfileType
-
 
 @contextmanager
 def tiff_page(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffile.TiffPage]:
@@ -140,10 +138,10 @@ def image_page(file: tifffile.TiffFile) -> tifffile.TiffPage:
         if page is pages[0]:
             break
         pages.append(page)
-    whole = [page for page in pages if not page.subfiletype & (_REDUCED | _MASK)]
+    whole = [page for page in pages if not (page.is_reduced or page.is_mask)]
     if not whole:  # raw files of cameras: the thumbnail comes first and holds the image
         inner = [cast("tifffile.TiffPage", one) for page in pages for one in page.pages or ()]
-        whole = [page for page in inner if not page.subfiletype & (_REDUCED | _MASK)]
+        whole = [page for page in inner if not (page.is_reduced or page.is_mask)]
     if not whole:
         raise ValueError("found only thumbnails, expected an image")
     largest = max(whole, key=lambda page: page.imagewidth * page.imagelength)

@@ -7,15 +7,13 @@ from numpy.typing import NDArray
 
 from rigs.camera_protocol import CameraLike
 from rigs.geometry.image_checks import on_image
+from rigs.ray_table.interpolation import CLOSE, DEPTHS, STEPS
 from rigs.scene.paths import Paths
 from rigs.scene.scene import Scene
 
 _NODES = 33  # start rays along each side of the image; fewer may miss a mirror
-_DEPTHS = 16  # start points along each piece of their paths
 _STARTS = 4  # of the nearest start points, tried one after another
 _BEYOND = 0.1  # fraction of the image beyond its border in which points are found
-_STEPS = 30  # of Newton's method; it takes some five
-_CLOSE = 1e-9  # pixels, where it stops; rounding leaves 1e-11
 _GOOD = 1e-6  # pixels; at the edge of a solid Newton's method stays further off
 _APART = 1e-3  # pixels between the rays of a difference: error 1e-6 of a step, rounding 1e-10
 
@@ -73,7 +71,7 @@ def _from_lattice(
     nodes = _points_along(paths, points)  # (pieces, depths, 3)
     tree = cKDTree(nodes.reshape(-1, 3))
     starts = min(_STARTS, tree.n)
-    nearest = tree.query(points, k=[*range(1, starts + 1)])[1] // _DEPTHS  # (N, starts)
+    nearest = tree.query(points, k=[*range(1, starts + 1)])[1] // DEPTHS  # (N, starts)
     waiting = np.arange(len(points))
     for attempt in range(starts):
         start = pixels[nearest[waiting, attempt]]
@@ -91,7 +89,7 @@ def _points_along(paths: Paths, points: NDArray[np.float64]) -> NDArray[np.float
     along = np.einsum("ij,ij->i", middle - paths.origins, paths.directions)
     first = np.clip(along - reach, 0, paths.lengths)
     last = np.clip(along + reach, 0, paths.lengths)
-    steps = np.linspace(first, last, _DEPTHS, axis=1)[..., None]
+    steps = np.linspace(first, last, DEPTHS, axis=1)[..., None]
     return paths.origins[:, None] + steps * paths.directions[:, None]
 
 
@@ -103,7 +101,7 @@ def _newton(
     uv, moved = start.copy(), np.full(len(points), np.inf)
     passes = np.zeros(len(points), bool)
     active = np.arange(len(points))
-    for _ in range(_STEPS):
+    for _ in range(STEPS):
         missed, on_piece = _missed(camera, scene, points[active], uv[active])  # (n, 3, 3)
         right, down = (
             (missed[:, 1] - missed[:, 0]) / _APART,
@@ -115,7 +113,7 @@ def _newton(
         passes[active] = on_piece
         moved[active] = np.abs(step).max(axis=1)
         outside = (np.abs(uv[active] - (size - 1) / 2) > (0.5 + 2 * _BEYOND) * size).any(axis=1)
-        active = active[(moved[active] > _CLOSE) & ~outside]  # NaN ends too
+        active = active[(moved[active] > CLOSE) & ~outside]  # NaN ends too
         if not len(active):
             break
     good = (moved <= _GOOD) & passes

@@ -10,11 +10,10 @@ from typing import Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.accuracy import Accuracy
 from rigs.camera_protocol import CameraLike
+from rigs.figures import Accuracy, Optics
 from rigs.geometry.image_checks import OnImage, pixel_centres, rows_of
 from rigs.geometry.rotation import numbers, rotation
-from rigs.optics import Optics
 from rigs.ray_table.nearest_pinhole import NearestPinhole, fitted_pinhole
 from rigs.scene.materials import Reflecting
 from rigs.scene.paths import EVERYWHERE, Paths

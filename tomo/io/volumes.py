@@ -17,8 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
-from rigs.files.archives import read_array, read_arrays
-from rigs.files.size_guard import errors_of_libraries, largest_claim
+from rigs.files.size_guard import errors_of_libraries, largest_claim, read_array, read_arrays
 from tomo.grid import Volume, VoxelGrid
 from tomo.io import _metaimage, _nifti, _nrrd, _vti
 

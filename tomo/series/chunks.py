@@ -10,7 +10,7 @@ import numpy as np
 import zarr
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.files.flush import flush
+from rigs.files.atomic import flush
 from tomo.io.checked_arrays import chunk_file, has_checksums, reading_chunk
 from tomo.series.layout import COORDINATES
 

@@ -1,4 +1,4 @@
-"""Outliers: observations and whole images that disagree with the rest."""
+"""Adjustment that outliers do not disturb, and the observations and images that are left out."""
 
 from __future__ import annotations
 
@@ -15,12 +15,14 @@ from rigs.calibrate.adjust.observation_arrays import (
     image_rows,
     predicted,
 )
-from rigs.calibrate.adjust.robust import adjust_robustly, noise
 from rigs.calibrate.adjust.target_pose import LEAST_POINTS
 
+_RAYLEIGH_MEDIAN = 1.1774  # median length of a 2-D normal residual, in standard deviations
+_HUBER = 3.0  # standard deviations, beyond which the loss is linear
+_LEAST_NOISE = 1e-3  # pixels; below it exact data would show rounding as outliers
 _POINT_LIMIT = 12.0  # residual length in standard deviations; less would cull good points
 _IMAGE_LIMIT = 5.0  # times the usual median residual of an image; less would cull good ones
-_ITERATIONS = 5  # of culling; it settles after two or three
+_ROUNDS = 6  # of culling, and of estimating the noise; both settle after two or three
 
 
 @dataclass(frozen=True)
@@ -55,7 +57,7 @@ def adjust_and_cull(
         return Culled(adjust(scene, observations.where(used), freedom), used)
     kept = _agreeing(scene, observations, used)
     solution = adjust(scene, observations.where(kept), freedom)
-    for _ in range(_ITERATIONS - 1):
+    for _ in range(_ROUNDS - 1):
         scene = solution.scene
         before, kept = kept, _agreeing(scene, observations, used)
         if (kept == before).all():
@@ -103,3 +105,54 @@ def _supported(observations: ObservationArrays, kept: NDArray[np.bool_]) -> NDAr
     """Return ``kept`` without the frames that have too few observations left for a pose."""
     counts = np.bincount(observations.frame, kept, int(observations.frame.max(initial=-1)) + 1)
     return kept & (counts[observations.frame] >= LEAST_POINTS)
+
+
+def noise(
+    residuals: NDArray[np.float64], camera: NDArray[np.int64], cameras: int
+) -> NDArray[np.float64]:
+    """Return each camera's pixel noise a coordinate, from the median of its residuals' lengths.
+
+    NaN where a camera has no residuals.
+    """
+    lengths = np.linalg.norm(residuals, axis=1)
+    sigma = np.full(cameras, np.nan)
+    for index in np.unique(camera):
+        sigma[index] = np.median(lengths[camera == index]) / _RAYLEIGH_MEDIAN
+    return np.where(np.isnan(sigma), np.nan, np.maximum(sigma, _LEAST_NOISE))
+
+
+def adjust_robustly(
+    scene: Scene,
+    observations: ObservationArrays,
+    freedom: Freedom,
+    *,
+    tolerance: float = 1e-6,
+    iterations: int = 30,
+) -> Solution:
+    """Return the scene of least Huber loss, whose scale follows each camera's own noise.
+
+    From a poor start all residuals are large and so is the scale: the first iterations are nearly
+    plain least squares.
+    """
+    residuals = observations.uv - predicted(scene, observations)
+    cameras = len(scene.lenses)
+    sigma = noise(residuals, observations.camera, cameras)
+    steps = 0
+    while True:
+        huber = (_HUBER * sigma)[observations.camera]
+        solution = adjust(
+            scene,
+            observations,
+            freedom,
+            huber=huber,
+            tolerance=1e-3 if steps == 0 else tolerance,
+            iterations=iterations,
+        )
+        scene = solution.scene
+        before, sigma = sigma, noise(solution.residuals, observations.camera, cameras)
+        steps += 1
+        seen = np.isfinite(sigma)
+        if steps == _ROUNDS:
+            return solution
+        if steps > 1 and (np.abs(sigma - before) <= 0.02 * before)[seen].all():
+            return solution

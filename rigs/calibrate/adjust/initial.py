@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.calibrate.adjust.culling import adjust_robustly
 from rigs.calibrate.adjust.lens_choice import LensRules, Terms, choose
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene
 from rigs.calibrate.adjust.projection import Lens
-from rigs.calibrate.adjust.robust import adjust_robustly
 from rigs.calibrate.adjust.target_pose import camera_poses, fixes_pose, flat_poses
 
 LEAST_VIEWS = 3  # images of one camera; fewer do not determine its focal length

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import Solution
+from rigs.calibrate.adjust.culling import adjust_robustly, noise
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, jacobian
 from rigs.calibrate.adjust.projection import Lens
-from rigs.calibrate.adjust.robust import adjust_robustly, noise
 
 # Standard errors by which the gain must exceed zero. A needless term of the polynomials costs
 # less than a missing one; the rational model's poles make it demand more.

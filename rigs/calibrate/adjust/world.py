@@ -9,10 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.calibrate.adjust.observation_arrays import Scene
-from rigs.geometry.alignment import are_on_a_line, motion_between
+from rigs.geometry.alignment import POORLY_MET, are_on_a_line, motion_between
 from rigs.geometry.rotation import numbers
-
-_POORLY_MET = 0.05  # misfit relative to the RMS distance of given positions from their middle
 
 
 def in_world(
@@ -103,7 +101,7 @@ def _aligned(
         _moved(scene, R, t, size),
         world_frame,
         size,
-        warning if misfit > _POORLY_MET * extent else (),
+        warning if misfit > POORLY_MET * extent else (),
     )
 
 

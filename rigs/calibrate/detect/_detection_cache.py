@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 from rigs.calibrate.detect.found import Found
 from rigs.calibrate.detect.image_sets import MosaicImage, Source, VideoFrame
 from rigs.files import atomic_path
-from rigs.files.archives import read_arrays
-from rigs.files.size_guard import errors_of_libraries
+from rigs.files.size_guard import errors_of_libraries, read_arrays
 
 _FORMAT = "target detections 1"  # a new number when the search's results change
 _FIELDS = ("format", "keys", "counts", "point", "uv", "blur", "reason", "legacy", "size")

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.accuracy import Accuracy
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import Scene, rays_by_camera
 from rigs.calibrate.quality.covariance import root_of
+from rigs.figures import Accuracy
 from rigs.files.json_file import plain
 
 _POINTS = 100  # of the volume; six motions need far fewer, more take time

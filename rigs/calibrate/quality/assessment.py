@@ -8,19 +8,18 @@ from numpy.typing import NDArray
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.left_out import causes_besides_lens, left_out
 from rigs.calibrate.quality.quality import Quality
+from rigs.geometry.rays import SILENT
 
 # Limits above which a figure becomes a finding; lower ones would warn of sound calibrations
 _CAMERA_CONTRADICTS = 2.0  # standard deviations, a camera's contradiction
 _MORE_THAN_OTHERS = 1.4  # ratio to the other cameras' contradiction, to name one alone
 _FRAME_CONTRADICTS = 2.5  # standard deviations, a frame's contradiction
 _LENS_MISFIT = 4.0  # standard deviations, a given lens's misfit
-_HIGH_RMS = 2.0  # ratio to the usual residual, one camera by itself
+_HIGH = 2.0  # ratio of one camera's residual, or the halves' difference, to what is usual
 _HIGH_FRAME = 3.0  # ratio to the usual residual, one frame
-_HIGH_CROSS = 2.0  # ratio of the difference of halves to its expectation
 _HIGH_NOISE = 1.0  # pixels
 _LITTLE_COVERAGE = 0.6  # fraction of the volume's image; less is extrapolated
 _HIGH_FOCAL_ERROR = 0.05  # relative standard deviation
-_SILENT = 0.1  # of a voxel; smaller displacements of rays change no voxel, however significant
 
 
 def findings(
@@ -85,7 +84,7 @@ def assessment(
         lines = ["doubtful: no point that the target covered is seen by two cameras"]
     else:
         ratio = quality.predicted_ray_miss / _reference(quality, voxel)
-        word = "good" if ratio <= _SILENT else "usable"
+        word = "good" if ratio <= SILENT else "usable"
         word = "poor" if ratio > 1 else "doubtful" if warnings else word
         what = "pixel" if voxel is None else "voxel"
         cross = (
@@ -166,7 +165,7 @@ def _bad_images(
     for camera, name in enumerate(observations.cameras):
         others = np.delete(cameras, camera)
         usual = float(np.median(others)) if len(others) else np.inf
-        is_worst = cameras[camera] > _HIGH_RMS * usual and cameras[camera] == cameras.max()
+        is_worst = cameras[camera] > _HIGH * usual and cameras[camera] == cameras.max()
         if is_worst and cameras[camera] >= least[camera]:
             lines.append(
                 f"camera {name}: residuals {cameras[camera]:.2g} px by itself where others have "
@@ -211,16 +210,16 @@ def _reference(quality: Quality, voxel: float | None) -> float:
 
 def _least_displacement(quality: Quality, voxel: float | None) -> NDArray[np.float64]:
     """Return the displacement in pixels from which errors are reported, ``(cameras,)``."""
-    if not quality.predicted_ray_miss < _SILENT * _reference(quality, voxel):
+    if not quality.predicted_ray_miss < SILENT * _reference(quality, voxel):
         return np.zeros(len(quality.footprint))
     pixels = np.ones(len(quality.footprint)) if voxel is None else voxel / quality.footprint
-    return _SILENT * np.where(np.isfinite(pixels), pixels, 1.0)
+    return SILENT * np.where(np.isfinite(pixels), pixels, 1.0)
 
 
 def _unmodelled(quality: Quality, voxel: float | None) -> list[str]:
     """Return a line where halves of the frames differ more than noise explains."""
-    least = _SILENT * _reference(quality, voxel)
-    if quality.cross_ray_miss > max(_HIGH_CROSS * quality.cross_expected, least):
+    least = SILENT * _reference(quality, voxel)
+    if quality.cross_ray_miss > max(_HIGH * quality.cross_expected, least):
         return [
             f"halves of the frames differ {quality.cross_ray_miss / quality.cross_expected:.2g} "
             "times as much as noise explains: the target is bent, something moved, or a lens is "
@@ -232,7 +231,7 @@ def _unmodelled(quality: Quality, voxel: float | None) -> list[str]:
 def _thin_data(quality: Quality, observations: Observations, voxel: float | None) -> list[str]:
     """Return lines on cameras with too little data."""
     lines = []
-    least = _SILENT * _reference(quality, voxel)
+    least = SILENT * _reference(quality, voxel)
     for camera, name in enumerate(observations.cameras):
         if len(quality.points) and np.isnan(quality.camera_ray_miss[camera]):
             lines.append(

@@ -17,7 +17,7 @@ _UNKNOWN_FOCAL_LENGTH = 0.2  # relative standard deviation; above it the focal l
 WINDOW_NUMBERS = ("tilt_1", "tilt_2", "distance", "thickness")
 """Names of a window's numbers: tilts of its normal towards two directions along it, in radians."""
 
-_SINGULAR = 1e-13  # relative least eigenvalue of the normal equations; below it is rounding
+SINGULAR = 1e-13  # relative least eigenvalue of the normal equations; below it is rounding
 
 
 def covariance_of(
@@ -43,7 +43,7 @@ def covariance_of(
         return float(np.sqrt(variance)), matrix
     scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
     values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
-    if values[0] < _SINGULAR * values[-1]:
+    if values[0] < SINGULAR * values[-1]:
         weakest = int(np.argmax(np.abs(vectors[:, 0])))
         camera, name = labels(rig.names, freedom, scene.windows)[weakest]
         raise ValueError(

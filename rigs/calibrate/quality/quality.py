@@ -7,16 +7,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.accuracy import Accuracy
 from rigs.calibrate.adjust.bundle import adjust
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.calibrate.quality.accuracy import camera_accuracies
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
-from rigs.calibrate.quality.ray_miss import predicted_squares, views
-from rigs.calibrate.quality.region import evaluation_points
+from rigs.calibrate.quality.ray_miss import evaluation_points, predicted_squares, views
 from rigs.camera import Camera
 from rigs.check.lines_of_sight import ray_miss
+from rigs.figures import Accuracy
 from rigs.rig import Rig, Volume
 
 _COVERAGE_CELLS = 8  # along each side of an image

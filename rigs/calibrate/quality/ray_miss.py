@@ -1,4 +1,4 @@
-"""The ray-miss predicted by a covariance: distances of rays from their best common point."""
+"""Points of the volume, and the ray-miss there that a covariance predicts."""
 
 from __future__ import annotations
 
@@ -6,10 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.freedom import Freedom
-from rigs.calibrate.adjust.observation_arrays import Scene, rays_by_camera
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, rays_by_camera
 from rigs.calibrate.quality.covariance import root_of
-from rigs.rig import Rig
+from rigs.geometry.points import box_points
+from rigs.rig import Rig, Volume
 
+_GRID = 9  # points along each side of the box
 _BLOCK = 64  # points at a time; more need more memory
 
 
@@ -79,3 +81,49 @@ def _block_squares(
 def _inverse(matrices: NDArray) -> NDArray[np.float64]:
     """Return the inverses ``(n, 3, 3)``; zero along rays that are all parallel."""
     return np.linalg.pinv(matrices, rcond=1e-9, hermitian=True)
+
+
+def evaluation_points(
+    rig: Rig, scene: Scene, observations: ObservationArrays, volume: Volume | None
+) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Return points of the volume that two cameras see, and which cameras see them.
+
+    Without a volume the points are a grid in the convex hull of all observed target points.
+
+    Returns
+    -------
+    points : (points, 3) float64
+    seen : (cameras, points) bool
+    """
+    if len(rig) < 2:
+        return np.zeros((0, 3)), np.zeros((len(rig), 0), bool)
+    if volume is not None:
+        corners = volume.corners()
+        points = box_points(corners[0], corners[-1], _GRID)
+    else:
+        points = _swept(scene, observations)
+    seen = views(rig, points)
+    good = seen.sum(axis=0) > 1
+    if volume is not None and not good.any():
+        raise ValueError("volume: found no point of it that two cameras see")
+    return points[good], seen[:, good]
+
+
+def _swept(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]:
+    """Return a grid in the convex hull of the target's points, or these where they are flat."""
+    from scipy.spatial import Delaunay, QhullError
+
+    frames = observations.frame
+    of_frame = np.zeros((len(scene.target_t), len(scene.lenses)), bool)
+    of_frame[frames, observations.camera] = True
+    shared = (of_frame.sum(axis=1) > 1)[frames]
+    if shared.any():  # images of one camera alone, close to it, say nothing of the volume
+        observations, frames = observations.where(shared), frames[shared]
+    positions = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points)
+    positions += scene.target_t[frames]
+    grid = box_points(positions.min(axis=0), positions.max(axis=0), _GRID)
+    try:
+        inside = Delaunay(positions[:: max(1, len(positions) // 3000)]).find_simplex(grid) >= 0
+    except QhullError:
+        inside = np.zeros(len(grid), bool)
+    return grid[inside] if inside.any() else positions[:: max(1, len(positions) // 300)]

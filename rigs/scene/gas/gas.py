@@ -79,11 +79,8 @@ class Gas:
                 "one index"
             )
         low, high = self.index.lower, self.index.upper
-        lattice = box_points(low, high, _ALONG)
         for solid in solids:
-            points = solid.samples()
-            inside = ((points > low) & (points < high)).all(axis=1)
-            if inside.any() or solid.contains(lattice).any():
+            if reaches_into(solid, low, high):
                 found = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in zip(low, high, strict=True))
                 raise ValueError(
                     f"gas: solid {solid.name}: reaches into the box of the refractive index, "
@@ -105,3 +102,10 @@ class Gas:
             index=self.index and self.index.with_lengths_scaled(factor),
             extinction=self.extinction and self.extinction.with_lengths_scaled(factor),
         )
+
+
+def reaches_into(solid: SolidLike, low: NDArray[np.float64], high: NDArray[np.float64]) -> bool:
+    """Return whether a solid has points in a box, or points of the box are in the solid."""
+    points = solid.samples()
+    inside = ((points > low) & (points < high)).all(axis=1)
+    return bool(inside.any() or solid.contains(box_points(low, high, _ALONG)).any())

@@ -7,8 +7,8 @@ import pytest
 
 from rigs import Distortion, RayTable, Rig, ray_miss
 from rigs.calibrate import Observations, calibrate
-from rigs.calibrate.adjust.duplicates import without_repeats
 from rigs.calibrate.adjust.lens_choice import TERMS
+from rigs.calibrate.calibration import without_repeats
 
 
 @pytest.fixture(scope="module")

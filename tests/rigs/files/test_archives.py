@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from rigs.files import size_guard
-from rigs.files.archives import read_arrays
+from rigs.files.size_guard import read_arrays
 
 
 def archive(path, method=zipfile.ZIP_DEFLATED, **members):

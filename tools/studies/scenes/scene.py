@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 import phantoms
 from rigs import Rig
 from rigs.files import atomic_path
-from rigs.files.archives import read_arrays
+from rigs.files.size_guard import read_arrays
 from studies.scenes import cameras
 from studies.scenes.exposure import Exposure
 from studies.scenes.faults import KNOWN, Exposures, Setting

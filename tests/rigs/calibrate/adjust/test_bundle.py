@@ -8,6 +8,7 @@ from scipy.spatial.transform import Rotation
 
 from rigs import Camera, Distortion
 from rigs.calibrate.adjust.bundle import adjust, information
+from rigs.calibrate.adjust.culling import adjust_robustly
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
@@ -16,7 +17,6 @@ from rigs.calibrate.adjust.observation_arrays import (
     predicted,
 )
 from rigs.calibrate.adjust.projection import Lens, project
-from rigs.calibrate.adjust.robust import adjust_robustly
 
 MATRIX = np.array([[900.0, 0.7, 321.0], [0, 905.0, 236.0], [0, 0, 1]])
 MODELS = {
