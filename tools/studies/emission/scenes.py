@@ -13,11 +13,11 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from rigs.files.archives import read_arrays
 
 import phantoms
 from rigs import Camera, Rig
 from rigs.files import atomic_path
+from rigs.files.size_guard import read_arrays
 from studies.common.flames import with_noise
 from studies.scenes import cameras
 from studies.scenes.fields import FAMILIES, Field, KnownField
