@@ -19,7 +19,7 @@ FLAMES = (("jet", 0, "#1b6fb0"), ("turbulent", 3, "#c8511b"))
 COUNTS = (3, 4, 5, 6, 8, 12, 16, 24)
 grid = tomo.VoxelGrid(shape=(24, 24, 24), spacing=1.0)  # mm
 fine = grid.refined(2)
-quick = tomo.Options(method="curvature", uncertainty=0, screen=False, align=False)
+quick = tomo.Options(method="curvature", uncertainty=0, screen=False, refine_cameras="none")
 
 figure = plt.figure(figsize=(10, 6), layout="constrained")
 curves, slices = figure.subfigures(1, 2, width_ratios=[3, 2])

@@ -20,7 +20,7 @@ grid = tomo.VoxelGrid(shape=(32, 20, 32), spacing=1.0)  # mm
 flame = phantoms.create("turbulent", extent=grid.extent, seed=1)
 angles = np.radians(np.arange(0, 361, 2))
 level = np.stack([np.sin(angles), 0 * angles, np.cos(angles)], axis=1)  # unit vectors
-quick = tomo.Options(method="curvature", uncertainty=0, screen=False, align=False)
+quick = tomo.Options(method="curvature", uncertainty=0, screen=False, refine_cameras="none")
 
 figure = plt.figure(figsize=(8, 8), layout="constrained")
 for row, (name, step) in enumerate((("within 40 degrees", 40 / 7), ("over a half circle", 22.5))):

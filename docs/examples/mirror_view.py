@@ -29,7 +29,7 @@ others = rigs.ring(4, 45, distance=400, image_size=(36, 48), footprint=0.7)[1::2
 rig = rigs.Rig((both, *others), volume=rigs.Volume(grid.shape, grid.spacing))
 
 how = {"supersample": 2, "refine": 2, "noise": 0.01, "seed": 1}
-options = tomo.Options(uncertainty=0, screen=False, align=False)
+options = tomo.Options(uncertainty=0, screen=False, refine_cameras="none")
 volumes, images = {}, []
 for name, seen in (("without mirror", rig), ("with mirror", rig.through(Scene([mirror])))):
     scan = tomo.simulate(seen, flame, grid, **how)

@@ -34,7 +34,7 @@ figure = plt.figure(figsize=(11, 5.2), layout="constrained")
 curves, slices = figure.subfigures(1, 2)
 axes, shown = curves.subplots(), {"truth": scans[0].truth}
 for name, (colour, chosen) in METHODS.items():
-    options = tomo.Options(uncertainty=0, screen=False, align=False, **chosen)
+    options = tomo.Options(uncertainty=0, screen=False, refine_cameras="none", **chosen)
     found = [tomo.reconstruct(scan, options=options) for scan in scans]
     errors = [100 * one.report()["quality"]["nrmse"] for one in found]
     print(f"{name}: errors of {', '.join(f'{error:.0f} %' for error in errors)}")

@@ -34,7 +34,7 @@ vertices, triangles = read_mesh("holder.stl")
 with_holder = rig.through(Scene([Mesh("holder", vertices, triangles, Opaque())]))
 scan = tomo.simulate(with_holder, flame, grid, supersample=2, refine=2, noise=0.01, seed=1)
 found = {"truth": scan.truth}
-options = tomo.Options(uncertainty=0, screen=False, align=False)
+options = tomo.Options(uncertainty=0, screen=False, refine_cameras="none")
 for name, cameras in (("holder in the scene", with_holder), ("holder forgotten", rig)):
     result = tomo.reconstruct(replace(scan, rig=cameras), options=options)
     name = f"{name}:\nerror {result.report()['quality']['nrmse']:.0%}"

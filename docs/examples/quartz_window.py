@@ -35,7 +35,7 @@ for number, camera in enumerate(rig):
 behind_glass = rig.through(Scene(panes))
 scan = tomo.simulate(behind_glass, flame, grid, supersample=2, refine=2, noise=0.01, seed=1)
 volumes = {"truth": scan.truth}
-plain = tomo.Options(uncertainty=0, screen=False, align=False)
+plain = tomo.Options(uncertainty=0, screen=False, refine_cameras="none")
 for name, cameras in (("windows in the scene", behind_glass), ("windows forgotten", rig)):
     result = tomo.reconstruct(replace(scan, rig=cameras), options=plain)
     name = f"{name}:\nerror {result.report()['quality']['nrmse']:.0%}"

@@ -29,7 +29,7 @@ images = {name: fringes * image for name, image in zip(rig.names, scan.images(),
 scan = tomo.Scan.from_arrays(rig, images, grid=grid, truth=scan.truth)
 
 volumes, errors = {"truth": scan.truth}, {}
-how = {"screen": False, "align": False, "fit_absorption": False, "uncertainty": 0}
+how = {"screen": False, "refine_cameras": "none", "fit_absorption": False, "uncertainty": 0}
 for name, method in (("default", "auto"), ("WERNet", "wernet")):
     result = tomo.reconstruct(scan, options=tomo.Options(method=method, **how))
     volumes[name], errors[name] = result.volume, result.report()["quality"]["nrmse"]

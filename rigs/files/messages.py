@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import types
 import typing
 from collections.abc import Mapping, Sequence
@@ -10,7 +9,7 @@ from typing import Annotated, Any, Literal
 
 import pydantic
 
-from rigs.files.text import shortened
+from rigs.files.text import expected_one_of, shortened
 
 _PLAIN = {float: "number", int: "whole number", str: "text"}
 _REPORTED_FIRST = {"literal_error": 0, "extra_forbidden": 1}
@@ -57,9 +56,7 @@ def _path(loc: Sequence[str | int], data: Any, is_missing: bool) -> list[str | i
 def _message(problem: Mapping[str, Any], path: list[str | int], model: type) -> str:
     if problem["type"] == "extra_forbidden":
         known = list(_annotation_at(model, path[:-1]).model_fields)
-        near = difflib.get_close_matches(str(path[-1]), known, n=1)
-        hint = f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
-        return f"unknown field, {hint}"
+        return f"unknown field, {expected_one_of(str(path[-1]), known)}"
     if problem["type"] == "missing":
         if isinstance(path[-1], int):  # a tuple that is too short
             count = path.pop()

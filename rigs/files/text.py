@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import datetime
+import difflib
 import json
 import os
 import stat
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -25,6 +26,19 @@ _SPECIAL = (
 )  # fmt: skip
 
 _Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+
+
+def expected_one_of(found: str, known: Iterable[str]) -> str:
+    """Return what was meant, if a known word is like it, else all known words.
+
+    >>> expected_one_of("curvatur", ("art", "curvature"))
+    'did you mean curvature?'
+    >>> expected_one_of("foo", ("art", "curvature"))
+    'expected one of art, curvature'
+    """
+    known = tuple(known)
+    near = difflib.get_close_matches(found, known, n=1)
+    return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
 
 
 def read_text(path: str | os.PathLike) -> str:

@@ -9,15 +9,13 @@ from typing import Annotated, Any, TypeVar, get_type_hints
 
 import typer
 
-from tomo.cli.usage import EXPERT
-
 T = TypeVar("T")
 
 
 def with_options_of(declared: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Give a function that takes ``**values`` an option for each field of a dataclass.
 
-    A field's metadata has ``help``, ``metavar``, ``expert`` and ``check.choices``. An option
+    A field's metadata has ``help``, ``metavar``, ``topic`` and ``check.choices``. An option
     takes text, which the dataclass converts and checks. An option whose default is an empty tuple
     can be repeated. In the help the options come before the function's keyword-only parameters.
     """
@@ -60,7 +58,7 @@ def _parameter(field: dataclasses.Field, kind: Any) -> inspect.Parameter:
     settings = {
         "help": field.metadata["help"] + (f" One of {choices}." if choices else ""),
         "metavar": field.metadata["metavar"],
-        "rich_help_panel": EXPERT if field.metadata["expert"] else None,
+        "rich_help_panel": field.metadata["topic"],
     }
     default: Any = None if field.default is None else str(field.default)
     names = [_flag(field.name)]

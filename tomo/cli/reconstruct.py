@@ -42,8 +42,6 @@ from tomo.pipeline.options import Options
 if TYPE_CHECKING:
     from tomo import Scan, VoxelGrid
 
-CHECKPOINT = "checkpoint.pt"
-
 EXAMPLES = """
 flametomo reconstruct scan -o out
 flametomo reconstruct scan -o out --hold-out cam02
@@ -118,7 +116,7 @@ def reconstruct(
     with bad_input_in_one_line():
         from tomo import reconstruct as run
 
-        options = declared_from(Options, _with_checkpoint(values, out))
+        options = declared_from(Options, values)
         corrections = {
             "dark": dark, "flat": flat, "gain": gain, "mask": mask, "saturation": saturation,
             "bit_depth": bit_depth, "bayer": bayer, "channel": channel,
@@ -192,13 +190,6 @@ def _series(
     say(series_summary(report))
     if json:
         print_json(report)
-
-
-def _with_checkpoint(values: dict[str, Any], out: Path) -> dict[str, Any]:
-    """Return the values with the default checkpoint of WERNet, which is in the output folder."""
-    if values.get("method") == "wernet-paper" and values.get("checkpoint") is None:
-        return values | {"checkpoint": str(out / CHECKPOINT)}
-    return values
 
 
 def _summary(report: dict, out: Path) -> str:

@@ -12,9 +12,6 @@ from typer.core import TyperCommand
 
 from tomo.cli.errors import end
 
-EXPERT = "Expert options"
-"""The last section of the help, for options that few people need."""
-
 _NO_BREAK = "\N{NON-BREAKING HYPHEN}"
 """Stands for a hyphen while lines are broken, so that no name is cut."""
 
@@ -70,7 +67,7 @@ class OneLineUsage(TyperCommand):
             if record is not None:
                 names, text = record
                 sections.setdefault(title, []).append((_named(names, is_option), text))
-        for title, records in sorted(sections.items(), key=lambda one: one[0] == EXPERT):
+        for title, records in sections.items():
             if not records:
                 continue
             with formatter.section(title):

@@ -64,7 +64,7 @@ def assess(
                 seed=options.seed,
                 progress=progress,
             )
-        stage.warnings += _unseen_warning(unseen, options.unseen)
+        stage.warnings += _unseen_warning(unseen)
     return Assessed(uncertainty, unseen, stage.record)
 
 
@@ -86,12 +86,12 @@ def solver_of(solved: Solved) -> SolveOf:
     return solve_of
 
 
-def _unseen_warning(unseen: NDArray[np.bool_], value: str) -> list[str]:
+def _unseen_warning(unseen: NDArray[np.bool_]) -> list[str]:
     if not unseen.any():
         return []
     fraction = np.count_nonzero(unseen) / unseen.size
     how_many = f"{fraction:.1%}" if fraction >= 0.0005 else "less than 0.1%"
     return [
-        f"{how_many} of the voxels are seen by no camera: their {value} says nothing. Use a "
-        "smaller grid, or mark them with --unseen nan"
+        f"{how_many} of the voxels are seen by no camera: their zero says nothing. Use a smaller "
+        "grid"
     ]

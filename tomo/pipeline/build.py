@@ -79,7 +79,7 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
         )
         system = through_gas(system, absorption, screened.emission, options)
         system, place = at_device(system, options, methods)
-        weights, weighting = _weighted(system, screened, options, methods)
+        weights, weighting = _weighted(system, screened, methods)
     return WeightedSystem(
         system, traced.measured, weights, weighting, basis, absorption=absorption, place=place,
         record=stage.record,
@@ -97,14 +97,9 @@ def weigh_images(
 
 
 def _weighted(
-    system: LinearSystem,
-    screened: ScreenedScan,
-    options: Options,
-    methods: list[Method],
+    system: LinearSystem, screened: ScreenedScan, methods: list[Method]
 ) -> tuple[NDArray[np.float32] | None, dict[str, Any]]:
     """Return the weights of the pixels, ``(pixels,)``, None for equal ones, and the reason."""
-    if not options.pixel_weights:
-        return None, {"used": False, "reason": "not asked for"}
     if not any(one.starts_from_default for one in methods):
         return None, {"used": False, "reason": "for the default method, and what starts from it"}
     rig, grid = screened.scan.rig, system.projector.grid

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from typing import TYPE_CHECKING, cast
 
 from rigs.aperture import check_apertures
@@ -18,12 +17,9 @@ from tomo.scan import Scan
 from tomo.uncertainty import AUTO_REPEATS
 
 if TYPE_CHECKING:
-    from tomo.wernet.settings import PaperSettings, WernetSettings
+    from tomo.wernet.settings import Learning
 
 _ALL, _NOMINAL, _NONE = "all", "nominal", "none"
-_LEARNING = (
-    "wernet_settings", "encoder", "freeze_encoder", "save_encoder", "checkpoint", "resume",
-)  # fmt: skip
 
 
 def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
@@ -41,7 +37,7 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
             f"frame: found {options.frame!r} with frames {options.frames!r}, expected one of both"
         )
     check_device(options.device, methods)
-    _check_learning(options, methods[0])
+    learning_of(options)
     _check_hold_out(options, scan)
     if not options.skip and options.carving != AUTO:
         raise ValueError(
@@ -66,19 +62,6 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
         **options.rays,
         midpoints=any(one.needs_midpoints for one in methods),
     )
-
-
-def as_asked(scan: Scan, options: Options) -> Scan:
-    """Return the scan with what the options say of its rig in place.
-
-    Raises
-    ------
-    ValueError
-        If ``fresnel`` is given and the rig has no scene.
-    """
-    if options.fresnel is None:
-        return scan
-    return replace(scan, rig=scan.rig.with_fresnel(options.fresnel))
 
 
 def methods_of(options: Options) -> list[Method]:
@@ -112,14 +95,10 @@ def repeats_of(options: Options) -> int:
 
 def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
     """Return the cameras to refine: those asked for that are not held out."""
-    if options.refine_cameras is None or _refuses(options, scan):
-        if options.refine_prior is not None:
-            raise ValueError(
-                f"refine_prior: found {options.refine_prior:g}, expected none without cameras to "
-                "refine"
-            )
+    if options.refine_cameras in (None, (_NONE,)):
         return ()
-    names = _named_cameras(options.refine_cameras, scan)
+    asked = tuple(name for name in options.refine_cameras or () if name != _NONE)
+    names = _named_cameras(asked, scan)
     left = tuple(name for name in names if name not in options.hold_out)
     if not left:
         found = f"only cameras held out: {', '.join(names)}" if names else "no camera"
@@ -133,11 +112,6 @@ def cameras_to_refine(options: Options, scan: Scan) -> tuple[str, ...]:
             f"least {FEWEST_VIEWS}"
         )
     return left
-
-
-def _refuses(options: Options, scan: Scan) -> bool:
-    """Return whether no camera is to be refined, in so many words."""
-    return options.refine_cameras == (_NONE,) and _NONE not in scan.rig.names
 
 
 def _named_cameras(names: tuple[str, ...], scan: Scan) -> tuple[str, ...]:
@@ -197,40 +171,25 @@ def _check_aperture(options: Options, scan: Scan) -> None:
         ) from None
 
 
-def _check_learning(options: Options, method: Method) -> None:
-    """Refuse options about learning for a method that learns nothing of the kind."""
-    for name in _LEARNING:
-        value = getattr(options, name)
-        if value and not _can_use(method, name):
-            able = [one for one in method_names() if _can_use(method_named(one), name)]
-            raise ValueError(
-                f"{name}: found {value!s}, expected none for method {method.name}: "
-                f"only {' and '.join(able)} can use it"
-            )
-    settings_of(options)
-
-
-def settings_of(options: Options) -> PaperSettings | WernetSettings | None:
+def learning_of(options: Options) -> Learning | None:
     """Return what the file of ``wernet_settings`` holds, for the method of the reconstruction.
 
     Raises
     ------
     FileNotFoundError, ValueError
-        In one line that names the file and the field.
+        In one line that names the file and the field, or the option if the method learns nothing.
     """
-    from tomo.wernet.settings import PaperSettings, WernetSettings, load_settings
+    from tomo.wernet.settings import Learning
 
     if options.wernet_settings is None:
         return None
-    if options.method == "wernet":
-        return load_settings(options.wernet_settings, WernetSettings)
-    return load_settings(options.wernet_settings, PaperSettings)
-
-
-def _can_use(method: Method, name: str) -> bool:
-    """Tell whether a method can use an option about learning."""
-    both = name in ("save_encoder", "wernet_settings")
-    return method.needs_midpoints if both else method.takes(name)
+    if not method_named(options.method).needs_midpoints:
+        able = [one for one in method_names() if method_named(one).needs_midpoints]
+        raise ValueError(
+            f"wernet_settings: found {options.wernet_settings}, expected none for method "
+            f"{options.method}: only {' and '.join(able)} can use it"
+        )
+    return Learning.load(options.wernet_settings, options.method)
 
 
 def _check_hold_out(options: Options, scan: Scan) -> None:

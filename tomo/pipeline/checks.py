@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from numbers import Integral, Real
 from typing import Any
 
+from rigs.files.text import expected_one_of
 from tomo.operators.gpu.names import DEVICES, device_number
 
 
@@ -33,6 +34,12 @@ class Check:
     convert: Callable[[Any], Any]
     choices: tuple[str, ...] = ()
     metavar: str | None = None
+
+    def instead_of(self, value: Any) -> str:
+        """Return what was expected instead of a value, or what it is like."""
+        if self.choices and isinstance(value, str):
+            return expected_one_of(value, self.choices)
+        return f"expected {self.expected}"
 
 
 def choice(*words: str) -> Check:

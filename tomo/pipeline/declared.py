@@ -9,17 +9,18 @@ from dataclasses import MISSING, Field, dataclass
 from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar
 
+from rigs.files.text import expected_one_of
 from tomo.pipeline.checks import Check
 
 T = TypeVar("T", bound="Declared")
 
 
 def option(
-    default: Any, help: str, check: Check, *, expert: bool = False, metavar: str | None = None
+    default: Any, help: str, check: Check, *, topic: str | None = None, metavar: str | None = None
 ) -> Any:
-    """Declare an option: its default, its documentation, its check, and who needs it."""
+    """Declare an option: its default, its documentation, its check, its section of the help."""
     metavar = metavar or check.metavar
-    metadata = {"help": help, "check": check, "expert": expert, "metavar": metavar}
+    metadata = {"help": help, "check": check, "topic": topic, "metavar": metavar}
     return dataclasses.field(default=default, metadata=metadata)
 
 
@@ -36,6 +37,21 @@ class Declared:
         """Keep the names that are gone."""
         cls._gone = MappingProxyType(dict(gone or {}))
 
+    def __new__(cls, *values: Any, **named: Any) -> Self:
+        """Refuse names that are unknown or gone."""
+        for name in named:
+            cls.check_name(name)
+        return super().__new__(cls)
+
+    @classmethod
+    def check_name(cls, name: str) -> None:
+        """Raise unless there is an option of that name."""
+        if name in cls._gone:
+            raise ValueError(f"{name}: found an option that is gone: {cls._gone[name]}")
+        known = [option.name for option in dataclasses.fields(cls)]
+        if name not in known:
+            raise ValueError(f"options: found {name!r}, {expected_one_of(name, known)}")
+
     def __post_init__(self) -> None:
         """Check every value, and keep it in the type of its declaration."""
         for option in dataclasses.fields(self):
@@ -45,7 +61,7 @@ class Declared:
                 object.__setattr__(self, option.name, check.convert(value))
             except (TypeError, ValueError, OverflowError):
                 raise ValueError(
-                    f"{option.name}: found {value!r}, expected {check.expected}"
+                    f"{option.name}: found {value!r}, {check.instead_of(value)}"
                 ) from None
 
     @classmethod
@@ -57,12 +73,6 @@ class Declared:
         ValueError
             If a name is unknown, or a value is not allowed.
         """
-        known = [option.name for option in dataclasses.fields(cls)]
-        for name in values:
-            if name in cls._gone:
-                raise ValueError(f"options: found {name!r}, which is gone: {cls._gone[name]}")
-            if name not in known:
-                raise ValueError(f"options: found {name!r}, expected one of {', '.join(known)}")
         return cls(**values)
 
     def but(self, **others: Any) -> Self:

@@ -86,8 +86,8 @@ def effects_of(
             found += [Absorber(grid)] if views > FEW_VIEWS else []
         if options.fit_absorption or not given:
             found.append(Absorbing(own=True))
-    if options.align or poses:
-        found.append(Pose(Pose.sigma if options.align else 0.0, poses))
+    if options.aligns or poses:
+        found.append(Pose(Pose.sigma if options.aligns else 0.0, poses))
     return tuple(found)
 
 
@@ -154,7 +154,7 @@ def _inferred(
         scan.sets_scale, device=device_of_inference(scan.rig, grid, options, methods_of(options)),
     )  # fmt: skip
     names = sorted(scan.rig.names)  # looked at by name: the rig's order changes no bit
-    priors = priors_of([name for name in names if name in cameras], whole, options)
+    priors = priors_of([name for name in names if name in cameras], whole)
     effects = effects_of(options, known, grid, factor, len(names), priors)
     if len(scan.rig) < FEWEST_VIEWS or not effects:
         return screened

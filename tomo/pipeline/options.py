@@ -24,15 +24,34 @@ from tomo.pipeline.methods import AUTO, method_names
 
 OFF = "off"
 BASES = ("voxel", "linear")
-UNSEEN = (ZERO, NOT_A_NUMBER) = ("zero", "nan")
-GONE = {
-    "learn": "effects of cameras and gas are found beside the volume: fit_gain, fit_absorption, "
-    "align and screen switch them off; --method wernet learns weights",
-}
-"""Options of earlier versions, and what to use in their place."""
-
 TRACERS = ("march", "raycast", "reference")
 PROJECTORS = (AUTO, "stored", "on-the-fly")
+
+FRAMES = "Frames and films"
+CAMERAS = "Cameras and lenses"
+LIGHT = "Light, gas and pixels"
+TRUST = "How far to trust it"
+SOLVING = "Unknowns and solving"
+"""Topics of the help."""
+
+_IN_SETTINGS = "it is a field of the file that wernet_settings names"
+GONE = {
+    "align": "refine_cameras none moves no camera",
+    "checkpoint": _IN_SETTINGS,
+    "choose_each": "one smoothness serves a film; frame reconstructs one frame by its own",
+    "encoder": _IN_SETTINGS,
+    "freeze_encoder": _IN_SETTINGS,
+    "fresnel": "the rig's scene says it, in rig.yaml",
+    "learn": "effects of cameras and gas are found beside the volume: fit_gain, fit_absorption, "
+    "refine_cameras and screen switch them off; method wernet learns weights",
+    "pixel_weights": "method auto weighs pixels by their noise, curvature weighs all alike",
+    "refine_frames": "cameras are refined from the key_frames",
+    "refine_prior": "the rig's calibration and the cameras' status say how far they may be off",
+    "resume": _IN_SETTINGS,
+    "save_encoder": _IN_SETTINGS,
+    "unseen": "voxels that no ray crosses are zero; in Python, unseen of the outcome marks them",
+}
+"""Options of earlier versions, and what to use in their place."""
 
 
 @documented
@@ -59,6 +78,7 @@ class Options(Declared, gone=GONE):
         "The frame to reconstruct; the first one by default. The end of its name is enough where "
         "only one frame ends like that: 90 finds frame_090.",
         text(optional=True),
+        topic=FRAMES,
         metavar="FRAME",
     )
     frames: str | None = option(
@@ -67,33 +87,8 @@ class Options(Declared, gone=GONE):
         "0:1000:2, : for all, or names with commas. One frame, --frame, is reconstructed by "
         "default.",
         text(optional=True),
+        topic=FRAMES,
         metavar="A:B:C",
-    )
-    key_frames: int = option(
-        5,
-        "With frames: how many of them, spread evenly, settle for all what is wrong with pixels, "
-        "cameras and gains, and how smooth volumes are.",
-        whole(1, 1000, "1000"),
-        expert=True,
-    )
-    refine_frames: int = option(
-        4,
-        "With frames: from how many of them, spread evenly, cameras that are asked for are "
-        "refined together.",
-        whole(1, 100, "100"),
-        expert=True,
-    )
-    choose_each: bool = option(
-        False,
-        "With frames: whether each block of frames chooses by itself how smooth volumes are.",
-        switch(),
-        expert=True,
-    )
-    skip_bad: bool = option(
-        False,
-        "With frames: whether a frame that cannot be read or decoded is left out, and named, "
-        "instead of ending the run.",
-        switch(),
     )
     temporal: float | str = option(
         AUTO,
@@ -101,44 +96,39 @@ class Options(Declared, gone=GONE):
         "that are left out, off keeps every frame for itself, a number is the standard deviation "
         "of Gaussian weights in frames.",
         number(above=0, words=(AUTO, OFF)),
+        topic=FRAMES,
         metavar="STRENGTH",
     )
-    hold_out: tuple[str, ...] = option(
-        (),
-        "Cameras that are predicted from the volume and compared with their images, and that take "
-        "part in nothing else.",
-        names(),
-        metavar="CAMERA",
+    skip_bad: bool = option(
+        False,
+        "With frames: whether a frame that cannot be read or decoded is left out, and named, "
+        "instead of ending the run.",
+        switch(),
+        topic=FRAMES,
     )
-    peak: float | None = option(
+    key_frames: int = option(
+        5,
+        "With frames: how many of them, spread evenly, settle for all what is wrong with pixels, "
+        "cameras and gains, where cameras are refined to, and how smooth volumes are.",
+        whole(1, 1000, "1000"),
+        topic=FRAMES,
+    )
+    refine_cameras: tuple[str, ...] | None = option(
         None,
-        "What PSNR and SSIM take for the largest value of images, in their unit: 1 is the full "
-        "scale of integers. By default the scan's, else the brightest measured pixel.",
-        number(above=0, optional=True),
-        metavar="VALUE",
-    )
-    iterations: int | None = option(
-        None,
-        "How many iterations the method runs; its own number by default. auto chooses the number.",
-        whole(0, optional=True),
-    )
-    basis: str = option(
-        AUTO,
-        "The unknowns. voxel: emission is constant in each voxel. linear: it runs linearly "
-        "between the voxels' centres, and the volume holds the voxels' means. auto: linear where "
-        "that is possible.",
-        choice(AUTO, *BASES),
-        metavar="BASIS",
-    )
-    blur: float = option(
-        0.0,
-        "Diameter of the discs that a lens out of focus makes of points, at the grid's centre and "
-        "in the rig's length unit. 0: everything is in focus.",
-        number(0),
-        metavar="DIAMETER",
+        "Cameras whose poses, focal lengths and gains are refined from the images; kept only "
+        "where left-out pixels are predicted better. all: every camera; nominal: those that the "
+        "rig calls nominal. Others, by default all, are moved where images contradict the rig; "
+        "none, alone or with others: no other camera is moved.",
+        names(optional=True),
+        topic=CAMERAS,
+        metavar="CAMERAS",
     )
     supersample: int = option(
-        1, "K x K rays are traced for each pixel.", whole(1, 64), metavar="K"
+        1,
+        "K x K rays are traced for each pixel.",
+        whole(1, 64),
+        topic=CAMERAS,
+        metavar="K",
     )
     aperture_rays: int = option(
         1,
@@ -146,28 +136,29 @@ class Options(Declared, gone=GONE):
         "in focus: depth of field is modelled by the f-number, focal length and focus distance of "
         "each camera's optics in the rig. 1: lenses are pinholes.",
         whole(1, 4096, "4096"),
+        topic=CAMERAS,
     )
-    fresnel: bool | None = option(
-        None,
-        "Whether the glass of the rig's scene takes the fraction of light that it reflects; by "
-        "default as the scene says.",
-        switch(optional=True),
-        expert=True,
+    blur: float = option(
+        0.0,
+        "Diameter of the discs that a lens out of focus makes of points, at the grid's centre and "
+        "in the rig's length unit. 0: everything is in focus.",
+        number(0),
+        topic=CAMERAS,
+        metavar="DIAMETER",
     )
-    refine_cameras: tuple[str, ...] | None = option(
-        None,
-        "Cameras whose poses, focal lengths and gains are refined from the images; kept only "
-        "where left-out pixels are predicted better. all: every camera; nominal: those that the "
-        "rig calls nominal; none. By default cameras are moved that images contradict, see "
-        "align.",
-        names(optional=True),
-        metavar="CAMERAS",
+    screen: bool = option(
+        True,
+        "Whether bad pixels, and what is wrong with images and light, are looked for and "
+        "corrected or left out. A held-out camera never is.",
+        switch(),
+        topic=LIGHT,
     )
     fit_gain: bool | None = option(
         None,
         "Whether each camera's gain and background are fitted and corrected; by default where "
         "they exceed what exact cameras make. Where refused, wernet cannot learn gains either.",
         switch(optional=True),
+        topic=LIGHT,
     )
     fit_absorption: bool | None = option(
         None,
@@ -175,6 +166,7 @@ class Options(Declared, gone=GONE):
         "that fills the grid; by default, with method auto or wernet, where it exceeds what "
         "transparent gas makes. Where refused, wernet cannot learn it either.",
         switch(optional=True),
+        topic=LIGHT,
     )
     absorption: float | None = option(
         None,
@@ -182,7 +174,16 @@ class Options(Declared, gone=GONE):
         "exp(-K s) of the light is left after a way s. It is corrected as given, and none is "
         "fitted.",
         number(0, optional=True),
+        topic=LIGHT,
         metavar="K",
+    )
+    hold_out: tuple[str, ...] = option(
+        (),
+        "Cameras that are predicted from the volume and compared with their images, and that take "
+        "part in nothing else.",
+        names(),
+        topic=TRUST,
+        metavar="CAMERA",
     )
     uncertainty: int | str = option(
         AUTO,
@@ -190,88 +191,81 @@ class Options(Declared, gone=GONE):
         "voxel; 30 repeats map it, 0 is none. auto: a few, for the figures of the whole volume, "
         "after method auto alone.",
         whole(0, words=(AUTO,), but=(1,), expected="auto, 0, or 2 repeats or more"),
+        topic=TRUST,
     )
-    seed: int = option(0, "The seed of everything random.", whole(0, 2**63 - 1, "2^63 - 1"))
+    peak: float | None = option(
+        None,
+        "What PSNR and SSIM take for the largest value of images, in their unit: 1 is the full "
+        "scale of integers. By default the scan's, else the brightest measured pixel.",
+        number(above=0, optional=True),
+        topic=TRUST,
+        metavar="VALUE",
+    )
     compare: tuple[str, ...] = option(
         (),
         "Further methods to run on the same rays, for the report: METHOD or METHOD:ITERATIONS.",
         comparisons(tuple(name for name in method_names() if name != AUTO)),
-        expert=True,
+        topic=TRUST,
         metavar="METHOD[:N]",
+    )
+    iterations: int | None = option(
+        None,
+        "How many iterations the method runs; its own number by default. auto chooses the number.",
+        whole(0, optional=True),
+        topic=SOLVING,
     )
     time_limit: float | None = option(
         None,
         "Seconds after which each solver stops at its current iteration, but not before its "
         "first. Choosing the method and the repeats for the uncertainty come on top.",
         number(above=0, optional=True),
-        expert=True,
+        topic=SOLVING,
         metavar="SECONDS",
+    )
+    seed: int = option(
+        0,
+        "The seed of everything random.",
+        whole(0, 2**63 - 1, "2^63 - 1"),
+        topic=SOLVING,
+    )
+    basis: str = option(
+        AUTO,
+        "The unknowns. voxel: emission is constant in each voxel. linear: it runs linearly "
+        "between the voxels' centres, and the volume holds the voxels' means. auto: linear where "
+        "that is possible.",
+        choice(AUTO, *BASES),
+        topic=SOLVING,
+        metavar="BASIS",
     )
     skip: bool = option(
         True,
         "Whether pixels whose rays miss the grid, and voxels that dark pixels prove empty, are "
         "left out of the system.",
         switch(),
-        expert=True,
+        topic=SOLVING,
     )
     carving: float | str = option(
         AUTO,
         "How voxels are found empty: a margin in pixels around a voxel that must be dark, auto to "
         "find the margin from the images, or off to keep every voxel.",
         number(0, words=(AUTO, OFF)),
-        expert=True,
+        topic=SOLVING,
         metavar="MARGIN",
-    )
-    screen: bool = option(
-        True,
-        "Whether bad pixels, and what is wrong with images and light, are looked for and "
-        "corrected or left out. A held-out camera never is.",
-        switch(),
-        expert=True,
-    )
-    align: bool = option(
-        True,
-        "Whether cameras are moved that look elsewhere than the rig says. A held-out camera never "
-        "is.",
-        switch(),
-        expert=True,
-    )
-    refine_prior: float | None = option(
-        None,
-        "How far refined cameras may be from the rig's, as a standard deviation in pixels; from "
-        "the calibration and the cameras' status by default.",
-        number(above=0, optional=True),
-        expert=True,
-        metavar="PIXELS",
-    )
-    pixel_weights: bool = option(
-        True,
-        "Whether pixels are weighted by their noise where it differs, as that of photons does. "
-        "Applies to auto and to wernet, which starts from it.",
-        switch(),
-        expert=True,
-    )
-    unseen: str = option(
-        ZERO,
-        "The value of voxels that no usable ray crosses.",
-        choice(*UNSEEN),
-        expert=True,
-        metavar="VALUE",
-    )
-    tracer: str = option(
-        TRACERS[0],
-        "The ray tracer of a stored matrix.",
-        choice(*TRACERS),
-        expert=True,
-        metavar="TRACER",
     )
     projector: str = option(
         AUTO,
         "Whether the matrix is stored, which is fastest, or computed on-the-fly, which takes "
         "little memory. auto: stored where it fits in memory.",
         choice(*PROJECTORS),
-        expert=True,
+        topic=SOLVING,
         metavar="FORM",
+    )
+    tracer: str = option(
+        TRACERS[0],
+        "The ray tracer of a stored matrix.",
+        choice(*TRACERS),
+        topic=SOLVING,
+        metavar="TRACER",
     )
     device: str = option(
         "cpu",
@@ -279,53 +273,28 @@ class Options(Declared, gone=GONE):
         "cuda:N, the device of that number. auto: a device where there is one and the problem is "
         "large, else the CPU. art, mart and wernet go through the matrix's entries on the CPU.",
         device(),
-        expert=True,
+        topic=SOLVING,
         metavar="DEVICE",
     )
     wernet_settings: str | None = option(
         None,
         "Network and training of wernet or wernet-paper: a YAML file with fields of "
-        "WernetSettings or PaperSettings, or one of those that come along: paper, paper-text, the "
-        "paper's own figures.",
+        "WernetSettings or PaperSettings, and of LearningFiles: the encoder to start from or to "
+        "write, the checkpoint to go on from. Or one of those that come along: paper, paper-text, "
+        "the paper's own figures.",
         path(),
-        expert=True,
-    )
-    encoder: str | None = option(
-        None,
-        "The encoder file that wernet or wernet-paper starts from; a new one by default.",
-        path(),
-        expert=True,
-    )
-    freeze_encoder: bool = option(
-        False,
-        "Whether the encoder is used as it is, without training.",
-        switch(),
-        expert=True,
-    )
-    save_encoder: str | None = option(
-        None,
-        "A file to write the trained encoder of wernet or wernet-paper to.",
-        path(),
-        expert=True,
-    )
-    checkpoint: str | None = option(
-        None,
-        "A file in which wernet-paper keeps the state of its training; the command's default is "
-        "checkpoint.pt in the output folder.",
-        path(),
-        expert=True,
-    )
-    resume: bool = option(
-        False,
-        "Whether wernet-paper goes on from the checkpoint where there is one.",
-        switch(),
-        expert=True,
+        topic=SOLVING,
     )
 
     @property
     def rays(self) -> dict[str, int]:
         """How many rays a pixel has, as `tomo.LinearSystem.from_rig` takes it."""
         return {"supersample": self.supersample, "aperture_rays": self.aperture_rays}
+
+    @property
+    def aligns(self) -> bool:
+        """Whether cameras that are not to be refined are moved where images contradict them."""
+        return "none" not in (self.refine_cameras or ())
 
     @property
     def refused(self) -> tuple[str, ...]:

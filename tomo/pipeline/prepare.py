@@ -66,7 +66,6 @@ def prepare(
     grid: VoxelGrid,
     options: Options,
     loaded: Sequence[LoadedScan],
-    refining: Sequence[LoadedScan] = (),
     cameras: Sequence[str] = (),
     stage: Callable[[str], Progress | None] = lambda where: None,
 ) -> Prepared:
@@ -79,8 +78,6 @@ def prepare(
     options : Options
     loaded : sequence of LoadedScan
         One frame, or the key frames of a film.
-    refining : sequence of LoadedScan
-        The frames that cameras are refined from, and with them all effects.
     cameras : sequence of str
         Those to refine.
     stage : callable
@@ -89,7 +86,7 @@ def prepare(
     stage("pixels")
     screened = screen(mean_of_frames(loaded), options.hold_out, look=options.screen)
     stage("cameras and gas")
-    screened = infer_effects(screened, scan, grid, options, refining or loaded, cameras)
+    screened = infer_effects(screened, scan, grid, options, loaded, cameras)
     stage("empty voxels")
     frames = [images_of(one, screened) for one in loaded]
     registered = register(screened, frames, grid, options)

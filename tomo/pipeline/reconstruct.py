@@ -14,7 +14,6 @@ from tomo.pipeline.assemble import Stages, assemble
 from tomo.pipeline.assess import assess
 from tomo.pipeline.check_cameras import check_cameras
 from tomo.pipeline.check_options import (
-    as_asked,
     cameras_to_refine,
     check_options,
 )
@@ -71,7 +70,7 @@ def _run_stages(
 ) -> Reconstruction:
     began, grid = time.perf_counter(), scan.grid if grid is None else grid
     check_options(options, scan, grid)
-    scan, stage = as_asked(scan, options), staged(progress)
+    stage = staged(progress)
     doubts = check_cameras(scan, grid, options)
     reference = read_reference(scan, grid, options.frame)  # evaluate's; it may be unreadable
     loaded = load(scan, options.frame, grid, doubts)

@@ -16,7 +16,7 @@ from tomo.grid import Volume
 from tomo.inference.finding import Finding
 from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
-from tomo.pipeline.options import NOT_A_NUMBER, Options
+from tomo.pipeline.options import Options
 from tomo.pipeline.peak import Peak
 from tomo.pipeline.report_json import report_of
 from tomo.pipeline.verdict import Verdict, judge
@@ -133,11 +133,10 @@ class Reconstruction:
 
     @property
     def volume(self) -> Volume:
-        """The volume; where no ray says anything, NaN if that was asked for."""
-        values: NDArray[np.float32] = self.solution.volume
-        if self.unseen is not None and self.options.unseen == NOT_A_NUMBER:
-            values = np.where(self.unseen, np.float32(np.nan), values)
-        return Volume(values, self.solution.grid, self.rig.length_unit, self.value_unit)
+        """The volume; zero where no ray says anything, see ``unseen``."""
+        return Volume(
+            self.solution.volume, self.solution.grid, self.rig.length_unit, self.value_unit
+        )
 
     @cached_property
     def answer(self) -> Answer:

@@ -16,7 +16,6 @@ from tomo.grid import VoxelGrid
 from tomo.inference.left_out import LeftOut
 from tomo.model import Observation, Pose
 from tomo.model.stated import stated_errors
-from tomo.pipeline.options import Options
 from tomo.scan import Scan
 
 POINTS = 5
@@ -137,15 +136,13 @@ class Refinement:
         return float(np.sqrt(np.mean(apart))) if len(apart) else math.nan
 
 
-def priors_of(
-    cameras: Sequence[str], observation: Observation, options: Options
-) -> dict[str, float]:
+def priors_of(cameras: Sequence[str], observation: Observation) -> dict[str, float]:
     """Return the standard deviation of each camera's pose that is asked for, in pixels.
 
-    It is the option's, or what mounts do together with what the rig states of the camera.
+    It is what mounts do together with what the rig states of the camera.
     """
     if not cameras:
         return {}
     stated = np.sqrt(np.square(stated_errors(observation.rig, observation.grid)).mean(axis=1))
     own = dict(zip(observation.rig.names, np.hypot(stated, Pose.sigma).tolist(), strict=True))
-    return {name: options.refine_prior or own[name] for name in cameras}
+    return {name: own[name] for name in cameras}

@@ -18,7 +18,7 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
 from tomo.pipeline.basis import BLOCK
 from tomo.pipeline.build import WeightedSystem
-from tomo.pipeline.check_options import settings_of
+from tomo.pipeline.check_options import learning_of
 from tomo.pipeline.checks import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named
 from tomo.pipeline.options import Options
@@ -68,8 +68,9 @@ def solve(
     with timed() as stage:
         method = method_named(options.method)
         found = solve_by(method, options.iterations, built, options, watch, progress)
-        if options.save_encoder is not None:
-            stage.warnings += _save_encoder(found, options.save_encoder)
+        learning = learning_of(options)
+        if learning is not None and learning.files.save_encoder is not None:
+            stage.warnings += _save_encoder(found, learning.files.save_encoder)
     return Solved(found, built, stage.record)
 
 
@@ -233,12 +234,12 @@ def _arguments(
     method: Method, iterations: int | None, built: WeightedSystem, options: Options
 ) -> dict[str, Any]:
     """Return the arguments of a method's solver."""
-    names = ("device", "encoder", "freeze_encoder", "checkpoint", "resume")
-    learning = {name: getattr(options, name) for name in names if method.takes(name)}
-    if "device" in learning:
+    learning: dict[str, Any] = {}
+    if method.takes("device"):
         learning["device"] = training_device(options.device)
-    if method.name == options.method:
-        learning["settings"] = settings_of(options)
+    asked = learning_of(options) if method.name == options.method else None
+    if asked is not None:
+        learning |= asked.arguments
     if method.starts_from_default:
         learning["weights"] = built.weights
         learning["pixel_blocks"] = built.system.blocks(BLOCK)
@@ -253,7 +254,7 @@ def _save_encoder(found: Solution, path: str) -> list[str]:
     if found.encoder is None:
         return [
             f"save_encoder: {path} was not written: no encoder was trained. "
-            "Use a method that trains one (--method wernet), or leave --save-encoder out"
+            "Use a method that trains one (--method wernet), or leave save_encoder out"
         ]
     save_encoder(found.encoder, path)
     return []

@@ -113,11 +113,6 @@ def key_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
     return tuple(places[one] for one in spread(len(places), options.key_frames))
 
 
-def refining_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
-    """Return the places in the scan of the frames that cameras are refined from."""
-    return tuple(places[one] for one in spread(len(places), options.refine_frames))
-
-
 class UnreadableError(ValueError):
     """A frame that cannot be read or decoded.
 
@@ -180,32 +175,24 @@ def reader_of(
 
 
 def readable_keys(scan: Scan, places: Sequence[int], options: Options) -> tuple[int, ...]:
-    """Return the places of the key frames, see `readable`."""
-    return readable(scan, key_places(places, options), places, options.skip_bad)
-
-
-def readable(
-    scan: Scan, wanted: Sequence[int], places: Sequence[int], skip_bad: bool
-) -> tuple[int, ...]:
-    """Return some of the frames; each bad one gives way to the next that is readable.
+    """Return the places of the key frames; each bad one gives way to the next that is readable.
 
     Parameters
     ----------
     scan : Scan
-    wanted : sequence of int
-        Those frames, by their places in the scan, ascending.
     places : sequence of int
-        All frames.
-    skip_bad : bool
-        Whether frames may be left out; all are returned otherwise.
+        All frames, by their places in the scan.
+    options : Options
+        Where they do not allow bad frames to be left out, all key frames are returned.
 
     Raises
     ------
     ValueError
         If no frame can be read.
     """
-    if not skip_bad:
-        return tuple(wanted)
+    wanted = key_places(places, options)
+    if not options.skip_bad:
+        return wanted
     found: list[int] = []
     for key, end in zip(wanted, (*wanted[1:], places[-1] + 1), strict=True):
         stretch = [place for place in places if key <= place < end]

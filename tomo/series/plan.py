@@ -48,7 +48,7 @@ class Plan:
     emission : (nx, ny, nz) float32, optional
         The emission of the mean, where gas absorbs its own light.
     choice : Choice, optional
-        How smooth volumes are; None where blocks choose, or another method is used.
+        How smooth volumes are; None where another method than auto is used.
     choices : tuple of Choice
         The choices of the key frames.
     peak : Peak

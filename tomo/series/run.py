@@ -19,24 +19,22 @@ from rigs import Rig
 from rigs.progress import FRAMES, Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.operators.gpu import DeviceError
-from tomo.pipeline.check_options import as_asked
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
 from tomo.scan.given import as_scan
-from tomo.series.frames import BLOCK, blocks_of, choose_frames, key_of, reader_of
+from tomo.series.frames import BLOCK, blocks_of, choose_frames, reader_of
 from tomo.series.layout import mend_descriptions
 from tomo.series.mend import mend
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
 from tomo.series.same_run import Claims, attributes_of_plan, attributes_of_run, check_same_run
-from tomo.series.settle import check_series_options, choose, make_plan
+from tomo.series.settle import check_series_options, make_plan
 from tomo.series.solving import (
     SKIPPED,
     FrameResult,
     solve_frame,
     solve_together,
-    uses_choice,
 )
 from tomo.series.store import SeriesStore
 from tomo.series.systems import system_of_block
@@ -97,7 +95,6 @@ def reconstruct_series(
     options, scan = options.but(**asked), as_scan(scan, rig, grid)
     grid = scan.grid if grid is None else grid
     check_series_options(options, scan, grid)
-    scan = as_asked(scan, options)
     places = choose_frames(scan, options.frames or ":")
     _check_images(scan, places)
     attributes = attributes_of_run(scan, grid, options, places)
@@ -212,8 +209,6 @@ def solve_block(
         return
     system = system_of_block(plan, list(good.values()))
     choice = plan.choice
-    if choice is None and uses_choice(plan):
-        choice = choose(plan, system, good[key_of(own)])
     if choice is not None and plan.filter is not None:
         yield from solve_filtered(plan, system, own, good, choice, plan.filter)
         return

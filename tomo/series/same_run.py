@@ -18,13 +18,12 @@ import yaml
 
 from rigs.files.write_rig import rig_to_yaml
 from tomo.grid import VoxelGrid
-from tomo.pipeline.check_options import cameras_to_refine
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
 from tomo.scan.films import FilmFrame
 from tomo.scan.mean_image import MeanImage
-from tomo.series.frames import BLOCK, naming, readable, readable_keys, refining_places
+from tomo.series.frames import BLOCK, naming, readable_keys
 from tomo.series.plan import Plan
 from tomo.series.store import SeriesStore
 
@@ -49,9 +48,6 @@ def attributes_of_run(
         The frames, by their places in the scan.
     """
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
-    refining: tuple[int, ...] = ()
-    if cameras_to_refine(options, scan):
-        refining = readable(scan, refining_places(places, options), places, options.skip_bad)
     return plain(
         {
             # a run that a bad frame ended goes on with --skip-bad: good frames have the same bits
@@ -62,9 +58,7 @@ def attributes_of_run(
                 "frame_rate": rate,
                 "corrections": _corrections(scan),
                 "per_count": scan.per_count,
-                "key_images": _checksum(
-                    scan.without(*options.hold_out), sorted({*keys, *refining})
-                ),
+                "key_images": _checksum(scan.without(*options.hold_out), keys),
             },
             "source": None if scan.source is None else str(Path(scan.source).absolute()),
             "origin": dict(scan.origin),

@@ -33,7 +33,7 @@ from tomo.scan import Scan
 from tomo.selection import choose_by_left_out_pixels
 from tomo.selection.choose import Choice
 from tomo.series.block_system import BlockSystem
-from tomo.series.frames import read_frame, readable, readable_keys, refining_places, spread
+from tomo.series.frames import read_frame, readable_keys, spread
 from tomo.series.plan import Plan
 from tomo.series.systems import weighted
 from tomo.series.temporal_plan import settle_filter
@@ -45,11 +45,6 @@ frames of one film agree. Fewer: one odd frame decides for all."""
 REFUSED = {
     "compare": (),
     "time_limit": None,
-    "save_encoder": None,
-    "encoder": None,
-    "checkpoint": None,
-    "freeze_encoder": False,
-    "resume": False,
 }
 """Options that have no meaning for a series, with the values that do not ask for them."""
 
@@ -74,12 +69,10 @@ def check_series_options(options: Options, scan: Scan, grid: VoxelGrid | None) -
             f"uncertainty: found {options.uncertainty} repeats with frames, expected 0 or auto: "
             "reconstruct single frames, --frame, for their uncertainty"
         )
-    alone = "choose_each" if options.choose_each else f"method {options.method}"
-    is_alone = options.choose_each or method_named(options.method).name != AUTO
-    if is_alone and options.temporal not in (AUTO, OFF):
+    if method_named(options.method).name != AUTO and options.temporal not in (AUTO, OFF):
         raise ValueError(
-            f"temporal: found {options.temporal:g} with {alone}, expected it with method auto, "
-            "settled once: frames are solved by themselves otherwise"
+            f"temporal: found {options.temporal:g} with method {options.method}, expected it "
+            "with method auto: frames are solved by themselves otherwise"
         )
     if method_named(options.method).needs_midpoints:
         raise ValueError(
@@ -112,9 +105,7 @@ def make_plan(
     keys = readable_keys(scan, places, options)
     loaded = [read_frame(scan, place, False) for place in keys]
     cameras = cameras_to_refine(options, scan)
-    refining = readable(scan, refining_places(places, options), places, options.skip_bad)
-    others = [read_frame(scan, place, False) for place in refining] if cameras else []
-    ready = prepare(scan, grid, options, loaded, others, cameras, stage)
+    ready = prepare(scan, grid, options, loaded, cameras, stage)
     screened, registered, built = ready.screened, ready.registered, ready.built
     emission, apart = _emission(built, options), ready.apart
     options = replace(options, device=settled(options.device, built.place))
@@ -131,11 +122,11 @@ def make_plan(
         emission, None, (), peak,
         (*doubts, *scan.remarks, *(line for one in done for line in one.warnings)),
     )  # fmt: skip
-    if method_named(options.method).name != AUTO or options.choose_each:
+    if method_named(options.method).name != AUTO:
         return plan
     telling = [ready.frames[place] for place in spread(len(keys), CHOOSING)]
     choices = tuple(
-        choose(plan, system, frame, stage(f"smoothness {number} of {len(telling)}"))
+        _choose(plan, system, frame, stage(f"smoothness {number} of {len(telling)}"))
         for number, frame in enumerate(telling, 1)
     )
     choice = middle(choices)
@@ -143,7 +134,7 @@ def make_plan(
     return replace(plan, temporal=settle_filter(plan, choice, stage))
 
 
-def choose(
+def _choose(
     plan: Plan, system: BlockSystem, frame: FrameImages, progress: Progress | None = None
 ) -> Choice:
     """Return how smooth the volume of one frame is to be, see `choose_by_left_out_pixels`."""

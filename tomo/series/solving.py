@@ -196,8 +196,3 @@ def _relative_residual(views: list[View]) -> float:
         squared += float(np.sum((measured - view.reprojected[usable]) ** 2))
         light += float(np.sum(measured**2))
     return math.sqrt(squared / light) if light > 0 else math.nan
-
-
-def uses_choice(plan: Plan) -> bool:
-    """Return whether frames are solved as smooth as their pixels allow."""
-    return method_named(plan.options.method).name == AUTO

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from importlib import resources
 from typing import Any, TypeVar
 
-from rigs.files.text import read_yaml_mapping, shortened
+from rigs.files.text import expected_one_of, read_yaml_mapping, shortened
 
 INPUTS = ("absolute", "relative")
 VARIANTS = ("no-bias", "bias-mask", "batch-norm")
@@ -143,7 +144,91 @@ class WernetSettings:
         _check_number(self, "last_rate", 0, 1, "a number from 0 to 1")
 
 
-Kind = TypeVar("Kind", PaperSettings, WernetSettings)
+@dataclass(frozen=True)
+class LearningFiles:
+    """Files that a training starts from and writes, as a settings file names them.
+
+    Parameters
+    ----------
+    encoder : str, optional
+        The encoder file to start from; a new one by default.
+    freeze_encoder : bool
+        Whether the encoder is used as it is, without training.
+    save_encoder : str, optional
+        A file to write the trained encoder to.
+    checkpoint : str, optional
+        A file in which wernet-paper keeps the state of its training.
+    resume : bool
+        Whether wernet-paper goes on from the checkpoint where there is one.
+
+    Raises
+    ------
+    ValueError
+        In one line that names the field, what was found and what was expected.
+    """
+
+    encoder: str | None = None
+    freeze_encoder: bool = False
+    save_encoder: str | None = None
+    checkpoint: str | None = None
+    resume: bool = False
+
+    def __post_init__(self) -> None:
+        """Check every field."""
+        for name in ("encoder", "save_encoder", "checkpoint"):
+            found = getattr(self, name)
+            _check(self, name, found is None or (isinstance(found, str) and found != ""), "a path")
+        for name in ("freeze_encoder", "resume"):
+            _check(self, name, isinstance(getattr(self, name), bool), "true or false")
+        if self.freeze_encoder and self.encoder is None:
+            raise ValueError(
+                "freeze_encoder: found no encoder to freeze, expected encoder as well"
+            )
+        if self.resume and self.checkpoint is None:
+            raise ValueError("resume: found no checkpoint to go on from, expected checkpoint too")
+
+
+@dataclass(frozen=True)
+class Learning:
+    """What a settings file says: of the network and its training, and of their files."""
+
+    settings: PaperSettings | WernetSettings
+    files: LearningFiles
+
+    @classmethod
+    def load(cls, source: str | os.PathLike, method: str) -> Learning:
+        """Read a settings file for ``wernet`` or ``wernet-paper``, see `load_settings`.
+
+        Paths in it are relative to its folder. Only wernet-paper keeps checkpoints.
+        """
+        is_paper = method == "wernet-paper"
+        known = [
+            field.name
+            for field in fields(LearningFiles)
+            if is_paper or field.name not in ("checkpoint", "resume")
+        ]
+        path = _found(source)
+        content = read_yaml_mapping(path)
+        named = {name: content.pop(name) for name in known if name in content}
+        settings: PaperSettings | WernetSettings
+        if is_paper:
+            settings = _made(PaperSettings, content, path, known)
+        else:
+            settings = _made(WernetSettings, content, path, known)
+        for name, value in named.items():
+            if isinstance(value, str) and value:
+                named[name] = os.path.join(os.path.dirname(path), value)
+        return cls(settings, _made(LearningFiles, named, path))
+
+    @property
+    def arguments(self) -> dict[str, Any]:
+        """The arguments of a solver for it, but for ``save_encoder``."""
+        files = {field.name: getattr(self.files, field.name) for field in fields(self.files)}
+        files.pop("save_encoder")
+        return {"settings": self.settings, **files}
+
+
+Kind = TypeVar("Kind", PaperSettings, WernetSettings, LearningFiles)
 
 
 def settings_names() -> tuple[str, ...]:
@@ -176,26 +261,32 @@ def load_settings(source: str | os.PathLike, kind: type[Kind]) -> Kind:
     >>> load_settings("paper-text", PaperSettings).rays_per_step
     3200
     """
+    path = _found(source)
+    return _made(kind, read_yaml_mapping(path), path)
+
+
+def _found(source: str | os.PathLike) -> str:
+    """Return the path of a settings file, or of one that comes with the package."""
     for file in _shipped():
         if file.name == f"{source}.yaml":
-            with resources.as_file(file) as path:
-                return _read(path, kind)
+            return str(file)
     if not os.path.exists(source):
         known = ", ".join(settings_names())
         raise FileNotFoundError(
             f"{source}: no such settings file, and none that comes along; those are {known}"
         )
-    return _read(source, kind)
+    return os.fspath(source)
 
 
-def _read(path: str | os.PathLike, kind: type[Kind]) -> Kind:
-    found = read_yaml_mapping(path)
-    types = {field.name: str(field.type) for field in fields(kind)}
+def _made(
+    kind: type[Kind], found: Mapping[str, Any], path: str, others: Sequence[str] = ()
+) -> Kind:
+    types: dict[str, str] = {field.name: str(field.type) for field in fields(kind)}
     for name in found:
         if name not in types:
             raise ValueError(
-                f"{path}: {shortened(name)}: found a field that {kind.__name__} has not, expected "
-                f"one of {', '.join(types)}"
+                f"{path}: {shortened(name)}: found a field that {kind.__name__} has not, "
+                f"{expected_one_of(str(name), (*types, *others))}"
             )
     try:
         return kind(**{name: _number_of(value, types[name]) for name, value in found.items()})

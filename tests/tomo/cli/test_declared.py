@@ -47,21 +47,13 @@ def test_fields_help_and_settings_of_the_report_are_equal(run_tool, tmp_path):
     assert "data:image/png" not in (out / "report.html").read_text("utf-8")
 
 
-def test_options_of_experts_stand_apart(run_tool):
-    text = run_tool("reconstruct", "--help").stdout
-    everyday, expert = text.split("Expert options:")
-    experts = {field.name for field in dataclasses.fields(Options) if field.metadata["expert"]}
-    assert set(names_in(expert)) == experts
-    assert {"method", "frame", "hold_out", "iterations"} <= set(names_in(everyday))
-
-
 def test_a_new_option_touches_one_declaration():
     @dataclasses.dataclass(frozen=True)
     class More(Options):
         strength_of_new: float | None = option(
             None, "A new prior's strength.", number(above=0, optional=True), metavar="STRENGTH"
         )
-        is_new: bool = option(True, "Whether it is new.", switch(), expert=True)
+        is_new: bool = option(True, "Whether it is new.", switch(), topic="New")
 
     found = []
 

@@ -174,7 +174,6 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "--seed",
         "7",
         "--no-skip",
-        "--no-pixel-weights",
     )
     options += ("--scale", "2", "--supersample", "2", "--tracer", "reference")
     options += (
@@ -194,7 +193,6 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
         "iterations": 3,
         "seed": 7,
         "skip": False,
-        "pixel_weights": False,
         "screen": False,
         "supersample": 2,
         "tracer": "reference",
@@ -280,11 +278,15 @@ def test_wernet_paper_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, 
     settings["uncertainty"] = 0
     options = [word for name, value in settings.items() for word in (f"--{name}", str(value))]
     options += ["--scale", "2", "--no-pictures", "-o", out]
+    kept, how = tmp_path / "checkpoint.pt", tmp_path / "how.yaml"
+    how.write_text("checkpoint: checkpoint.pt\nresume: true\n")
+    options += ["--wernet-settings", how]
     with monkeypatch.context() as patch:
         patch.setattr("tomo.wernet.paper.save_training", save_and_stop)
         assert run_tool("reconstruct", scan, *options).exit_code != 0
-    assert [path.name for path in out.iterdir()] == ["checkpoint.pt"]
-    resumed = run_tool("reconstruct", scan, *options, "--resume", "--json")
+    assert kept.is_file()
+    assert not out.exists()
+    resumed = run_tool("reconstruct", scan, *options, "--json")
     assert resumed.exit_code == 0, resumed.stderr
     whole = reconstruct(load_scan(scan).scaled(2), options=Options(**settings))
     volume = read_volume(out / "volume.npz")[0]
@@ -292,9 +294,9 @@ def test_wernet_paper_that_was_interrupted_is_resumed(run_tool, scan, tmp_path, 
     report = json.loads(resumed.stdout)
     assert report["solver"] == json.loads(json.dumps(whole.report()["solver"]))
     # of other settings it is refused, and what is there stays
-    other = run_tool("reconstruct", scan, *options, "--scale", "3", "--resume")
+    other = run_tool("reconstruct", scan, *options, "--scale", "3")
     assert other.exit_code == 2
-    assert f"{out / 'checkpoint.pt'}: problem: found a training of other images" in other.stderr
+    assert f"{kept}: problem: found a training of other images" in other.stderr
     assert (out / "report.json").exists()
 
 
@@ -304,12 +306,13 @@ def test_an_encoder_is_used_as_it_is(run_tool, scan, tmp_path):
     path = tmp_path / "encoder.pt"
     save_encoder(Encoder(blocks=1, channels=4, silent=True, seed=5), path)
     content = path.read_bytes()
-    options = ("--encoder", path, "--freeze-encoder", "--hold-out", "cam02", "--json")
+    how = tmp_path / "how.yaml"
+    how.write_text(f"encoder: {path}\nfreeze_encoder: true\n")
+    options = ("--wernet-settings", how, "--hold-out", "cam02", "--json")
     done = run_tool("reconstruct", scan, *WERNET, *options, "-o", tmp_path / "out")
     assert done.exit_code == 0, done.stderr
     report = json.loads(done.stdout)
-    assert report["settings"]["encoder"] == str(path)
-    assert report["settings"]["freeze_encoder"] is True
+    assert report["settings"]["wernet_settings"] == str(how)
     assert report["solver"]["channels"] == 4
     assert report["held_out"]["cam02"]["psnr"] > 25
     assert path.read_bytes() == content

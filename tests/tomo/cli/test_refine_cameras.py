@@ -79,13 +79,10 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
         options=Options(
             method="sirt",
             iterations=2,
-            align=False,
-            refine_cameras=["cam02", "cam03"],
-            refine_prior=3.0,
+            refine_cameras=["cam02", "cam03", "none"],
         ),
     )
     report = outcome.report()["refinement"]
-    assert report["cameras"]["cam02"]["prior_pixels"] == 3
     assert report["accepted"] is True
     found = outcome.refined_rig
     assert [camera.image_size for camera in found] == [(43, 64)] * 9
@@ -108,11 +105,6 @@ def test_no_rig_is_given_back_where_nothing_is_asked(scan):
     [
         (("--refine-cameras", "camX"), "refine_cameras: found camera 'camX', expected one of"),
         (("--refine-cameras", "nominal"), "refine_cameras: found no nominal camera in the rig"),
-        (("--refine-prior", "2"), "refine_prior: found 2, expected none without cameras"),
-        (
-            ("--refine-cameras", "all", "--refine-prior", "0"),
-            "--refine-prior: found '0', expected a number above 0",
-        ),
         (
             ("--refine-cameras", "cam01", "--hold-out", "cam01"),
             "refine_cameras: found only cameras held out: cam01",
@@ -135,7 +127,7 @@ def test_bad_requests_are_one_line(run_tool, scan, tmp_path, options, words):
 def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool, scan):
     before = (scan / "rig.yaml").read_bytes()
     quick = ("--method", "sirt", "--iterations", "2", "--no-pictures", "-o", scan)
-    refine = ("--refine-cameras", "cam02,cam03", "--refine-prior", "3", "--no-align")
+    refine = ("--refine-cameras", "cam02,cam03,none")
     assert run_tool("reconstruct", scan, *quick, *refine).exit_code == 0
     refined = load_rig(scan / "refined_rig.yaml")
     assert refined["cam02"] != load_rig(scan / "rig.yaml")["cam02"]

@@ -124,7 +124,9 @@ def test_training_that_diverges_at_once_is_one_line(run_tool, scan, tmp_path):
         for parameter in encoder.parameters():
             parameter.fill_(float(np.finfo(np.float32).max))
     save_encoder(encoder, tmp_path / "encoder.pt")
-    options = ("--method", "wernet-paper", "--encoder", tmp_path / "encoder.pt")
+    how = tmp_path / "how.yaml"
+    how.write_text("encoder: encoder.pt\n")
+    options = ("--method", "wernet-paper", "--wernet-settings", how)
     done = run_tool("reconstruct", scan, *options, "--iterations", "2", "-o", tmp_path / "out")
     assert done.exit_code == 1
     (line,) = _lines(done.stderr)

@@ -198,8 +198,9 @@ def test_given_weights_are_tried_in_the_linear_basis(small, classic, tmp_path):
         encoder.last.weight, 0.0, 0.01, generator=torch.Generator().manual_seed(2)
     )
     save_encoder(encoder, path)
-    settings = {"method": "wernet", "encoder": path, **QUICK}
-    frozen = reconstruct(small, options=Options(freeze_encoder=True, **settings))
+    how = tmp_path / "how.yaml"
+    how.write_text("encoder: encoder.pt\nfreeze_encoder: true\n")
+    frozen = reconstruct(small, method="wernet", wernet_settings=how, **QUICK)
     assert basis(frozen) == "linear"
     assert np.isfinite(frozen.solution.settings["held_out_residual"]["learned"])
     np.testing.assert_array_equal(frozen.solution.volume, classic.solution.volume)

@@ -26,6 +26,9 @@ def test_few_views_have_no_field_of_gas(views):
 
 
 def test_what_is_refused_is_not_looked_for():
-    assert names(12, screen=False, align=False, fit_absorption=False) == []
-    assert names(12, align=False, fit_gain=False, fit_absorption=False) == ["fall-off", "blur"]
+    assert names(12, screen=False, refine_cameras="none", fit_absorption=False) == []
+    assert names(12, refine_cameras="none", fit_gain=False, fit_absorption=False) == [
+        "fall-off",
+        "blur",
+    ]
     assert "medium" not in names(12, absorption=0.01)

@@ -40,7 +40,7 @@ def unequal(tmp_path_factory, grid):
 def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
     settings = {"hold_out": ["cam02"], "uncertainty": 0}
     # weights alone say what is wrong
-    settings |= {"screen": False, "align": False, "fit_absorption": False}
+    settings |= {"screen": False, "refine_cameras": "none", "fit_absorption": False}
     learned = reconstruct(unequal, options=Options(method="wernet", **settings))
     classic = reconstruct(unequal, options=Options(**settings))
     report = json.loads(json.dumps(learned.report(), allow_nan=False))
@@ -64,7 +64,7 @@ def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
 
 def test_what_is_refused_is_not_learned_either(unequal):
     """Without gains to learn, the volume is the default's to the bit."""
-    off = {"fit_gain": False, "fit_absorption": False, "screen": False, "align": False}
+    off = {"fit_gain": False, "fit_absorption": False, "screen": False, "refine_cameras": "none"}
     off["uncertainty"] = 0
     learned, classic = (reconstruct(unequal, method=name, **off) for name in ("wernet", "auto"))
     assert learned.report()["solver"]["learned"] is False
@@ -78,7 +78,7 @@ def test_what_is_refused_is_not_learned_either(unequal):
         ({"fit_gain": False}, ("gain",)),
         ({"fit_absorption": False}, ("absorption",)),
         ({"absorption": 0.01}, ("absorption",)),
-        ({"align": False}, ()),
+        ({"refine_cameras": "none"}, ()),
         ({"screen": False}, ()),
         ({"blur": 1.0}, ()),
         ({"fit_gain": False, "fit_absorption": False}, ("gain", "absorption")),
@@ -140,15 +140,11 @@ def test_wernet_of_dark_images_is_empty(copy):
 @pytest.mark.parametrize(
     ("settings", "words"),
     [
-        ({"encoder": "x.pt"}, "encoder: found x.pt, expected none for method sirt"),
-        ({"freeze_encoder": True}, "freeze_encoder: found True, expected none for method sirt"),
         (
             {"wernet_settings": "paper"},
             "wernet_settings: found paper, expected none for method sirt: only wernet and "
             "wernet-paper can use it",
         ),
-        ({"checkpoint": "x.pt"}, "checkpoint: found x.pt, expected none for method sirt"),
-        ({"resume": True}, "resume: found True, expected none for method sirt: only wernet-p"),
     ],
 )
 def test_options_of_wernet_are_refused_elsewhere(folder, settings, words):
@@ -182,11 +178,12 @@ def test_the_trained_encoder_is_saved_on_request(folder, tmp_path):
     path = tmp_path / "encoder.pt"
     scan = load_scan(folder).scaled(2)
     settings = {"method": "wernet-paper", "iterations": 1}
-    reconstruct(scan, options=Options(**settings, save_encoder=path))
+    how = tmp_path / "how.yaml"
+    how.write_text("save_encoder: encoder.pt\n")
+    reconstruct(scan, options=Options(**settings, wernet_settings=how))
     assert load_encoder(path).settings.items() >= {"inputs": "relative", "channels": 32}.items()
     untrained = tmp_path / "none.pt"
-    found = reconstruct(
-        scan, options=Options(method="wernet", iterations=0, save_encoder=untrained)
-    )
+    how.write_text("save_encoder: none.pt\n")
+    found = reconstruct(scan, options=Options(method="wernet", iterations=0, wernet_settings=how))
     assert not untrained.exists()
     assert any("no encoder was trained" in warning for warning in found.warnings)

@@ -56,6 +56,7 @@ def test_words_are_those_of_the_parts_they_name():
     ("settings", "words"),
     [
         ({"method": "magic"}, "method: found 'magic', expected one of auto, art"),
+        ({"method": "curvatur"}, r"method: found 'curvatur', did you mean curvature\?"),
         ({"iterations": 2.5}, "iterations: found 2.5, expected a whole number >= 0"),
         ({"iterations": True}, "iterations: found True"),
         ({"supersample": 0}, "supersample: found 0, expected a whole number from 1 to 64"),
@@ -65,7 +66,7 @@ def test_words_are_those_of_the_parts_they_name():
         ({"hold_out": [3]}, r"hold_out: found \[3\], expected names of cameras"),
         ({"compare": ["auto"]}, r"compare: found \['auto'\], expected METHOD or METHOD:ITER"),
         ({"seed": -1}, "seed: found -1, expected a whole number from 0 to 2\\^63 - 1"),
-        ({"encoder": 3}, "encoder: found 3, expected a path"),
+        ({"wernet_settings": 3}, "wernet_settings: found 3, expected a path"),
     ],
 )
 def test_a_wrong_value_names_its_option(settings, words):
@@ -73,9 +74,24 @@ def test_a_wrong_value_names_its_option(settings, words):
         Options(**settings)
 
 
-def test_an_unknown_name_is_refused():
-    with pytest.raises(ValueError, match="options: found 'weigh', expected one of method, frame"):
-        Options.from_mapping({"weigh": True})
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("weigh", "options: found 'weigh', expected one of method, frame"),
+        ("holdout", r"options: found 'holdout', did you mean hold_out\?"),
+        ("align", "align: found an option that is gone: refine_cameras none"),
+        ("encoder", "encoder: found an option that is gone: it is a field of the file"),
+    ],
+)
+@pytest.mark.parametrize("made", [lambda **given: Options(**given), Options.from_mapping])
+def test_a_name_that_is_unknown_or_gone_is_refused(made, name, words):
+    with pytest.raises(ValueError, match=words):
+        made(**{name: True}) if made is not Options.from_mapping else made({name: True})
+
+
+def test_options_are_few_and_none_of_those_gone():
+    assert len(NAMES) <= 30
+    assert not set(NAMES) & set(declared.GONE)
 
 
 def test_the_truth_does_not_reach_the_solve(copy, grid, outcome, quick_choice):

@@ -22,7 +22,7 @@ STAND_IN = "computed on Stand-in (cuda:0)"
 
 
 def of(folder, **settings):
-    options = Options(uncertainty=0, screen=False, align=False, **settings)
+    options = Options(uncertainty=0, screen=False, refine_cameras="none", **settings)
     return reconstruct(load_scan(folder), options=options)
 
 
@@ -188,7 +188,7 @@ def test_a_device_lost_in_the_middle_ends_the_run_in_one_line(
         launch(*arguments)
 
     monkeypatch.setattr(cupy, "host", SimpleNamespace(launch=failing))
-    asked = ("--method", "cgls", "--no-screen", "--no-align", "--device", "cuda")
+    asked = ("--method", "cgls", "--no-screen", "--refine-cameras", "none", "--device", "cuda")
     done = run_tool("reconstruct", folder, *asked, "-o", tmp_path / "out")
     assert done.exit_code == 1
     (line,) = [one for one in done.stderr.splitlines() if one.startswith("error")]

@@ -70,24 +70,6 @@ def test_quality_of_a_scaled_truth():
     assert quality(truth, None) == {}
 
 
-def test_where_no_ray_says_anything_the_volume_is_not_a_number_if_asked_for():
-    volume = RANDOM.random((4, 5, 6)).astype(np.float32)
-    unseen = RANDOM.random(volume.shape) < 0.3
-    found = Solution(volume, VoxelGrid(volume.shape, 1.0), (), {"method": "tikhonov"})
-    rig = ring(3, image_size=(4, 4), footprint=1.0)
-    marked, plain = (
-        Reconstruction(
-            found, rig, (), Peak(1.0, ""), unseen=unseen, options=Options(unseen=asked)
-        ).volume
-        for asked in ("nan", "zero")
-    )
-    assert np.isnan(marked[unseen]).all()
-    assert marked.grid == found.grid
-    assert marked.total() == pytest.approx(volume[~unseen].sum() * np.prod(found.grid.spacing))
-    np.testing.assert_array_equal(marked[~unseen], volume[~unseen])
-    np.testing.assert_array_equal(plain, volume)
-
-
 def test_a_report_is_json_whatever_is_in_it():
     grid = VoxelGrid((2, 3, 4), 1.0)
     rig = ring(1, image_size=(16, 20), footprint=1.0)

@@ -8,7 +8,6 @@ import pytest
 
 from rigs import Accuracy
 from rigs.geometry.rotation import matrix_of_vector
-from tomo import Options
 from tomo.inference.left_out import LeftOut
 from tomo.pipeline.refine import Refinement, priors_of
 
@@ -55,15 +54,13 @@ def test_cameras_that_stay_are_said_to(observed):
         assert words in found.sentence(frames=1)
 
 
-def test_priors_come_from_the_option_or_from_what_the_rig_states(observed):
+def test_priors_come_from_what_the_rig_states(observed):
     one, _ = observed
     nominal = replace(one.rig[0], status="nominal")
     known = one.rig[1].with_accuracy(Accuracy(3.0, 0.0, 0.0, 0.0))
     seen = replace(one, rig=replace(one.rig, cameras=(nominal, known, *one.rig[2:])))
     names = ["cam00", "cam01", "cam02"]
-    found = priors_of(names, seen, Options())
+    found = priors_of(names, seen)
     assert found["cam00"] > 2
     assert found["cam01"] == pytest.approx(np.hypot(0.5, np.sqrt(3.0)))
     assert found["cam02"] == 0.5
-    stated = priors_of(names, seen, Options(refine_cameras="all", refine_prior=2.5))
-    assert stated == dict.fromkeys(names, 2.5)

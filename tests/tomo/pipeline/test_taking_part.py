@@ -6,9 +6,7 @@ import tifffile
 import yaml
 
 from tomo import VoxelGrid, load_scan
-from tomo.io import read_volume
 from tomo.pipeline import Options, reconstruct
-from tomo.report.outcome_files import VOLUME_FILES, write_outcome
 
 SIRT = {"method": "sirt", "iterations": 5}
 HELD_OUT = Options(hold_out=["cam02"], uncertainty=0)
@@ -99,18 +97,9 @@ def test_unseen_voxels_are_counted_and_reported(folder, grid):
     assert any(w.startswith(f"{share:.1%} of the voxels are seen by no") for w in found.warnings)
 
 
-def test_unseen_voxels_are_marked_on_request(folder, tmp_path, grid):
+def test_unseen_voxels_are_zero_and_marked(folder, grid):
     wide = VoxelGrid((60, 20, 10), 1.0, grid.center)
-    zero = reconstruct(load_scan(folder), wide, Options(**SIRT))
-    marked = reconstruct(load_scan(folder), wide, Options(unseen="nan", **SIRT))
-    unseen = np.isnan(marked.volume)
-    active = marked.carving["active_voxels"]
-    assert unseen.sum() == active - marked.counts["active_voxels"] > 0
-    np.testing.assert_array_equal(marked.volume[~unseen], zero.volume[~unseen])
-    assert not zero.volume[unseen].any()
-    write_outcome(tmp_path, marked, with_pictures=False)
-    for name in VOLUME_FILES:
-        written, _, _ = read_volume(tmp_path / name, allow_nan=True)
-        np.testing.assert_array_equal(np.isnan(written), unseen)
-    with pytest.raises(ValueError, match="unseen: found 'none', expected one of zero, nan"):
-        reconstruct(load_scan(folder), options=Options(unseen="none", **SIRT))
+    found = reconstruct(load_scan(folder), wide, Options(**SIRT))
+    active = found.carving["active_voxels"]
+    assert found.unseen.sum() == active - found.counts["active_voxels"] > 0
+    assert not found.volume[found.unseen].any()

@@ -53,14 +53,6 @@ def test_a_verdict_leads_where_there_is_one(found, monkeypatch):
     assert html.index("Red, do not use") < html.index("<img")
 
 
-def test_a_volume_with_unseen_voxels_is_shown(found):
-    unseen = np.zeros(GRID.shape, bool)
-    unseen[0] = True
-    odd = replace(found, unseen=unseen, options=replace(found.options, unseen="nan"))
-    assert np.isnan(odd.volume).any()
-    assert len(pictures(odd._repr_html_())) == 1
-
-
 def test_the_volume_and_its_uncertainty_go_to_xarray(found):
     pytest.importorskip("xarray")
     array = found.to_xarray()

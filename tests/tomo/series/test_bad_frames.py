@@ -39,7 +39,12 @@ def scan(folder, film):
 @pytest.fixture(scope="module")
 def options(film):
     return replace(
-        film.options, key_frames=1, method="mlem", iterations=3, screen=False, align=False
+        film.options,
+        key_frames=1,
+        method="mlem",
+        iterations=3,
+        screen=False,
+        refine_cameras="none",
     )
 
 

@@ -90,13 +90,13 @@ def test_dark_frames_are_dark_volumes(film, tmp_path):
     "options",
     [
         Options(frames="0:9", method="mlem", iterations=15),
-        Options(frames="0:9", choose_each=True, basis="voxel"),
+        Options(frames="0:9", basis="voxel"),
         Options(frames="0:3", skip=False, fit_gain=True, iterations=8),
         Options(
             frames="0:2",
             carving="off",
             screen=False,
-            align=False,
+            refine_cameras="none",
             projector="on-the-fly",
             method="sirt",
             iterations=30,

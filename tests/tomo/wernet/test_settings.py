@@ -14,6 +14,7 @@ from tomo.wernet import (
     settings_names,
     wernet_paper,
 )
+from tomo.wernet.settings import Learning
 
 KINDS = (PaperSettings, WernetSettings)
 
@@ -122,3 +123,35 @@ def test_the_last_bias_starts_where_it_is_asked_to(scene):
         settings = PaperSettings(last_bias=asked, encoder_learning_rate=0.0)
         found = wernet_paper(one.projector, one.measured, iterations=1, settings=settings)
         assert torch.equal(found.encoder.last.bias, torch.tensor([asked]))
+
+
+@pytest.mark.parametrize(
+    ("method", "content", "words"),
+    [
+        ("wernet", "freeze_encoder: true", "freeze_encoder: found no encoder to freeze"),
+        ("wernet", "encoder: 3", "encoder: found 3, expected a path"),
+        ("wernet", "freeze_encoder: 1\nencoder: e.pt", "freeze_encoder: found 1, expected true"),
+        ("wernet", "resume: true", "'resume': found a field that WernetSettings has not"),
+        ("wernet-paper", "resume: true", "resume: found no checkpoint to go on from"),
+        ("wernet-paper", "encodr: e.pt", "'encodr': found a field .* did you mean encoder"),
+    ],
+)
+def test_files_of_a_training_that_contradict_each_other(tmp_path, method, content, words):
+    (tmp_path / "own.yaml").write_text(content)
+    with pytest.raises(ValueError, match=f"own.yaml: {words}"):
+        Learning.load(tmp_path / "own.yaml", method)
+
+
+def test_paths_are_those_beside_the_settings(tmp_path):
+    path = tmp_path / "own.yaml"
+    path.write_text("channels: 4\nencoder: old.pt\nsave_encoder: /new.pt\ncheckpoint: c/d.pt\n")
+    found = Learning.load(path, "wernet-paper")
+    assert found.settings == PaperSettings(channels=4)
+    assert found.files.save_encoder == "/new.pt"
+    assert found.arguments == {
+        "settings": found.settings,
+        "encoder": str(tmp_path / "old.pt"),
+        "checkpoint": str(tmp_path / "c/d.pt"),
+        "freeze_encoder": False,
+        "resume": False,
+    }

@@ -215,18 +215,21 @@ def test_a_wrong_encoder(refused, scan, tmp_path, fault):
         path.write_text("no encoder")
     elif content is not None:
         _write_encoder(path, content)
-    options = ("--method", method, "--encoder", path)
+    how = tmp_path / "how.yaml"
+    how.write_text("encoder: encoder.pt\n")
+    options = ("--method", method, "--wernet-settings", how)
     line = refused("reconstruct", scan, *options, "-o", tmp_path / "out")
     assert f"{path}: {words}" in line
 
 
 @pytest.mark.parametrize("content", [b"", b"no checkpoint"])
 def test_a_wrong_checkpoint(refused, scan, tmp_path, content):
-    out = tmp_path / "out"
-    out.mkdir()
-    (out / "checkpoint.pt").write_bytes(content)
-    line = refused("reconstruct", scan, "--method", "wernet-paper", "--resume", "-o", out)
-    assert f"{out / 'checkpoint.pt'}: found a file that cannot be read" in line
+    kept, how = tmp_path / "checkpoint.pt", tmp_path / "how.yaml"
+    kept.write_bytes(content)
+    how.write_text("checkpoint: checkpoint.pt\nresume: true\n")
+    asked = ("--method", "wernet-paper", "--wernet-settings", how, "-o", tmp_path / "out")
+    line = refused("reconstruct", scan, *asked)
+    assert f"{kept}: found a file that cannot be read" in line
 
 
 @pytest.mark.parametrize("tool", ["reconstruct", "simulate"])

@@ -48,14 +48,6 @@ OPTIONS = {
         ("--device", "cuda:x"),
         "device: found 'cuda:x', expected cpu, auto, cuda or cuda:N",
     ),
-    "encoder of a classic": (
-        ("--method", "sirt", "--encoder", "e.pt"),
-        "expected none for method sirt: only wernet and wernet-paper can use it",
-    ),
-    "encoder of auto": (
-        ("--encoder", "e.pt"),
-        "encoder: found e.pt, expected none for method auto",
-    ),
     "settings of a classic": (
         ("--method", "sirt", "--wernet-settings", "paper"),
         "wernet_settings: found paper, expected none for method sirt: only wernet and wernet-",
@@ -67,27 +59,6 @@ OPTIONS = {
     "settings that are not there": (
         ("--method", "wernet-paper", "--wernet-settings", "none.yaml"),
         "none.yaml: no such settings file, and none that comes along; those are paper, paper-",
-    ),
-    "frozen classic": (
-        ("--method", "sirt", "--freeze-encoder"),
-        "freeze_encoder: found True, expected none for method sirt",
-    ),
-    "frozen without encoder": (
-        ("--method", "wernet", "--freeze-encoder"),
-        "freeze_encoder: found no encoder to freeze, expected",
-    ),
-    "resumed classic": (
-        ("--method", "sirt", "--resume"),
-        "resume: found True, expected none for method sirt: only wernet-paper can use it",
-    ),
-    "resumed auto": (("--resume",), "resume: found True, expected none for method auto"),
-    "resumed wernet": (
-        ("--method", "wernet", "--resume"),
-        "resume: found True, expected none for method wernet: only wernet-paper can use it",
-    ),
-    "saved classic": (
-        ("--save-encoder", "e.pt"),
-        "save_encoder: found e.pt, expected none for method auto",
     ),
     "compare unknown": (
         ("--compare", "foo"),
@@ -201,7 +172,7 @@ def test_one_blind_camera_is_a_warning_in_the_report(run_tool, turn_away, scan, 
     [
         (),
         ("--method", "wernet-paper"),
-        ("--no-align", "--no-screen"),
+        ("--refine-cameras", "none", "--no-screen"),
         ("--no-skip", "--projector", "on-the-fly"),
         ("--hold-out", "cam00"),  # two views are left: nothing is aligned
     ],
