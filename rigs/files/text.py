@@ -7,7 +7,7 @@ import difflib
 import json
 import os
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -37,8 +37,14 @@ def expected_one_of(found: str, known: Iterable[str]) -> str:
     'expected one of art, curvature'
     """
     known = tuple(known)
+    near = nearest(found, known)
+    return f"did you mean {near}?" if near else f"expected one of {', '.join(known)}"
+
+
+def nearest(found: str, known: Sequence[str]) -> str | None:
+    """Return the known word that a misspelt one is like; None if there is none."""
     near = difflib.get_close_matches(found, known, n=1)
-    return f"did you mean {near[0]}?" if near else f"expected one of {', '.join(known)}"
+    return near[0] if near else None
 
 
 def read_text(path: str | os.PathLike) -> str:

@@ -9,8 +9,8 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from tomo.cli.errors import end
-from tomo.cli.usage import UsageError, command_line
+from tomo.cli.console import end
+from tomo.cli.usage import UsageError
 
 VERBS = {
     "demo": "Simulate a turbulent flame, reconstruct it, and write the report.",
@@ -41,12 +41,18 @@ class Verbs(TyperGroup):
         """Import a verb and return its command."""
         if cmd_name not in VERBS:
             return None
+        from tomo.cli.declared import command_line
+
         name = cmd_name.replace("-", "_")
         module = import_module(f"tomo.cli.{name}")
-        function = getattr(module, name)
-        help_text = f"{function.__doc__}\n\n{getattr(module, 'DETAILS', '')}"
         examples = indent(module.EXAMPLES.strip(), "  ")
-        app = command_line(function, cmd_name, help=help_text, epilog=f"\b\nExamples:\n{examples}")
+        app = command_line(
+            getattr(module, name),
+            cmd_name,
+            help=getattr(module, "DETAILS", ""),
+            epilog=f"\b\nExamples:\n{examples}",
+            first=getattr(module, "FIRST", ()),
+        )
         return typer.main.get_command(app)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
@@ -66,8 +72,9 @@ class Verbs(TyperGroup):
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """Return the verb's command; an unknown verb is one line."""
         if args[0] not in VERBS:
-            known = ", ".join(VERBS)
-            end(f"error: verb: found {args[0]!r}, expected one of {known}", 2)
+            from rigs.files.text import expected_one_of
+
+            end(f"error: verb: found {args[0]!r}, {expected_one_of(args[0], VERBS)}", 2)
         return super().resolve_command(ctx, args)
 
 

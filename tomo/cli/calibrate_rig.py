@@ -3,20 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
-import typer
-
 from tomo.cli.calibration_inputs import (
-    CommonLensOption,
-    FixedCenterOption,
-    IntrinsicsOption,
-    LensImagesOption,
-    RefineWindowOption,
-    SceneOption,
-    SquareOption,
     are_mosaics,
     given_lenses,
     given_scene,
@@ -24,10 +16,9 @@ from tomo.cli.calibration_inputs import (
     given_world,
     lens_sets,
 )
-from tomo.cli.console import JsonFlag, print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import CenterOption, SpacingOption
-from tomo.cli.outputs import check_output_file, check_output_folder
+from tomo.cli.console import print_json, say
+from tomo.cli.inputs import Box, check_output_file, check_output_folder
+from tomo.pipeline.checks import whole
 
 PAGE, FIGURES = "_calibration.html", "_calibration.json"
 """Endings of the two files beside a rig.yaml, whose name they begin with."""
@@ -42,166 +33,148 @@ flametomo calibrate-rig images -o rig.yaml --grid 30x140x30
 """
 
 
-Images = Annotated[
-    Path,
-    typer.Argument(
-        metavar="IMAGES",
-        help="A folder with one folder of images, or one video, for each camera, or with images "
-        "CAMERA_NUMBER.*. Images of the same name were taken at the same time.",
-    ),
-]
-TargetOption = Annotated[
-    str,
-    typer.Option(
-        metavar="TARGET",
-        help="chessboard:9x6:25 (inner corners, square), circles:7x5:20, acircles:4x11:20 "
-        "(spacing) or charuco:5x4:54:40.5:DICT_4X4_1000 (squares, square, marker, "
-        "dictionary).",
-    ),
-]
-ModelOption = Annotated[
-    str,
-    typer.Option(
-        metavar="MODEL",
-        help="Distortion model: none, radial, brown4, brown5, rational, thin_prism, tilted, "
-        "fisheye, or auto, which adds terms that lower the error.",
-    ),
-]
-WorldOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NAME",
-        help="Origin and axes: a camera's name, a frame's name (the target in it), or a YAML "
-        "file with the positions of three or more cameras by name. The first camera if "
-        "absent.",
-    ),
-]
-CheckedGridOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="NxNxN",
-        help="Voxels to check the rig in, like 30x140x30; stored in the rig.",
-        rich_help_panel="Voxel grid",
-    ),
-]
-ReportOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER", help=f"Folder for RIG{PAGE} and RIG{FIGURES}; the rig's if absent."
-    ),
-]
-
-
 def calibrate_rig(
-    images: Images,
-    target: TargetOption,
-    out: Annotated[
-        Path, typer.Option("--out", "-o", metavar="FILE", help="The rig.yaml to write.")
-    ],
-    length_unit: Annotated[
-        str, typer.Option(metavar="UNIT", help="Unit of the target's lengths and of the rig.")
-    ] = "mm",
-    intrinsics: IntrinsicsOption = None,
-    intrinsics_images: LensImagesOption = None,
-    model: ModelOption = "auto",
-    square_pixels: SquareOption = False,
-    fixed_center: FixedCenterOption = False,
-    common_lens: CommonLensOption = None,
-    world: WorldOption = None,
-    scene: SceneOption = None,
-    refine_window: RefineWindowOption = None,
-    rescale: Annotated[
-        bool, typer.Option("--rescale", help="Take the scale from the positions in --world.")
-    ] = False,
-    grid: CheckedGridOption = None,
-    spacing: SpacingOption = None,
-    center: CenterOption = None,
-    report: ReportOption = None,
-    pattern: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATTERN",
-            help="How the images are named otherwise, like '{frame}/{camera}.png'.",
-        ),
-    ] = None,
-    bayer: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ORDER",
-            help="Images are mosaics of colour filters in this order, like RGGB: the target is "
-            "searched in their brightness.",
-        ),
-    ] = None,
-    every: Annotated[
-        int, typer.Option(help="Use one picture of a video in this many.", min=1)
-    ] = 1,
-    cache: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A file that stores the detections for the next run."),
-    ] = None,
-    json: JsonFlag = False,
+    images: Path,
+    /,
+    *,
+    target: str,
+    out: Path,
+    length_unit: str = "mm",
+    model: str = "auto",
+    world: str | None = None,
+    rescale: bool = False,
+    report: Path | None = None,
+    pattern: str | None = None,
+    bayer: str | None = None,
+    every: Annotated[int, whole(1)] = 1,
+    cache: Path | None = None,
+    json: bool = False,
+    intrinsics: Sequence[str] | None = None,
+    intrinsics_images: Path | None = None,
+    square_pixels: bool = False,
+    fixed_center: bool = False,
+    common_lens: Sequence[str] | None = None,
+    scene: Path | None = None,
+    refine_window: Sequence[str] | None = None,
+    box: Box,
 ) -> None:
     """Calibrate a rig from images of a flat target.
 
     The target was moved about in front of the cameras. Camera matrices, distortion, camera poses
     and target poses are adjusted together. A page and a JSON file with every figure are written
-    next to the rig; the page begins with the assessment.
+    next to the rig; the page begins with the assessment. The rig is checked in the voxels of a
+    grid, which is stored in it.
+
+    Parameters
+    ----------
+    images : IMAGES
+        A folder with one folder of images, or one video, for each camera, or with images
+        CAMERA_NUMBER.*. Images of the same name were taken at the same time.
+    target : TARGET
+        chessboard:9x6:25 (inner corners, square), circles:7x5:20, acircles:4x11:20 (spacing) or
+        charuco:5x4:54:40.5:DICT_4X4_1000 (squares, square, marker, dictionary).
+    out : FILE
+        The rig.yaml to write.
+    length_unit : UNIT
+        Unit of the target's lengths and of the rig.
+    model : MODEL
+        Distortion model: none, radial, brown4, brown5, rational, thin_prism, tilted, fisheye, or
+        auto, which adds terms that lower the error.
+    world : NAME
+        Origin and axes: a camera's name, a frame's name (the target in it), or a YAML file with
+        the positions of three or more cameras by name. The first camera if absent.
+    rescale :
+        Take the scale from the positions in --world.
+    report : FOLDER
+        Folder for RIG_calibration.html and RIG_calibration.json; the rig's if absent.
+    pattern : PATTERN
+        How the images are named otherwise, like '{frame}/{camera}.png'.
+    bayer : ORDER
+        Images are mosaics of colour filters in this order, like RGGB: the target is searched in
+        their brightness.
+    every : N
+        Use one picture of a video in this many.
+    cache : FILE
+        A file that stores the detections for the next run.
+
+    Lenses
+    ------
+    intrinsics : RIG|A=B
+        A rig whose lenses and camera matrices are kept; then, repeated, A=B where camera A is
+        called B in it.
+    intrinsics_images : FOLDER
+        More images of the target, of each camera by itself, for its lens alone: a folder or video
+        per camera as in IMAGES. Names of equal files mean nothing here.
+    square_pixels :
+        Pixels are square: fx = fy.
+    fixed_center :
+        The principal point is in the middle of the image.
+    common_lens : A,B
+        Cameras that share camera matrix and distortion, or all; repeatable.
+
+    Windows, water, hardware
+    ------------------------
+    scene : FILE
+        What the target was seen through: a YAML file with the scene of a rig.yaml, in the world
+        of --world. It becomes part of the rig.
+    refine_window : NAME:FIELD=SD
+        Adjust a window of the scene too: standard deviations of its given normal (degrees),
+        distance and thickness, like quartz:normal=1,thickness=0.2; repeatable.
     """
     started = time.perf_counter()
-    with bad_input_in_one_line():
-        _check_outputs(out, report, cache)
-        from rigs import save_rig
-        from rigs.calibrate import calibrate_rig as calibrate
-        from rigs.calibrate import image_set, parse_target
-        from rigs.calibrate.detect.split_sets import check_not_split
-        from rigs.files.json_file import write_json
-        from rigs.recordings.layout import cameras_and_frames
-        from tomo.draw.calibration import write_calibration_page
+    _check_outputs(out, report, cache)
+    from rigs import save_rig
+    from rigs.calibrate import calibrate_rig as calibrate
+    from rigs.calibrate import image_set, parse_target
+    from rigs.calibrate.detect.split_sets import check_not_split
+    from rigs.files.json_file import write_json
+    from rigs.recordings.layout import cameras_and_frames
+    from tomo.draw.calibration import write_calibration_page
 
-        flat, volume = parse_target(target), given_volume(grid, spacing, center)
-        axes, strays = given_world(world), list[str]()
-        naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
-        if pattern is None:
-            check_not_split(images, bool(intrinsics or intrinsics_images))
-        found = image_set(images, every, strays.append, **naming)
-        if pattern is not None:
-            say(cameras_and_frames(found))
-        optical, windows = given_scene(scene, refine_window or [], length_unit)
-        calibration = calibrate(
-            found,
-            flat,
-            intrinsics=given_lenses(intrinsics or [], found),
-            intrinsics_images=intrinsics_images,
-            common_lens=lens_sets(common_lens or [], found),
-            pattern=pattern,
-            bayer=bayer,
-            every=every,
-            cache=cache,
-            progress=True,
-            world=axes,
-            rescale=rescale,
-            length_unit=length_unit,
-            distortion=model,
-            volume=volume,
-            square_pixels=square_pixels,
-            fixed_center=fixed_center,
-            scene=optical,
-            windows=windows,
-        )
-        calibration = replace(calibration, notes=(*strays, *calibration.notes))
-        folder = out.parent if report is None else report
-        page = folder / f"{out.stem}{PAGE}"
-        seconds = time.perf_counter() - started
-        figures = {"target": str(flat), "seconds": round(seconds, 3), **calibration.report()}
-        out.parent.mkdir(parents=True, exist_ok=True)
-        save_rig(calibration.rig, out)
-        write_calibration_page(
-            page,
-            calibration,
-            title=f"Calibration of {images.absolute().name}",
-            details={"images": images, "target": flat, "time": f"{seconds:.0f} s"},
-        )
-        write_json(folder / f"{out.stem}{FIGURES}", figures, indent=2)
+    flat, volume = parse_target(target), given_volume(box)
+    axes, strays = given_world(world), list[str]()
+    naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
+    if pattern is None:
+        check_not_split(images, bool(intrinsics or intrinsics_images))
+    found = image_set(images, every, strays.append, **naming)
+    if pattern is not None:
+        say(cameras_and_frames(found))
+    optical, windows = given_scene(scene, refine_window or [], length_unit)
+    calibration = calibrate(
+        found,
+        flat,
+        intrinsics=given_lenses(intrinsics or [], found),
+        intrinsics_images=intrinsics_images,
+        common_lens=lens_sets(common_lens or [], found),
+        pattern=pattern,
+        bayer=bayer,
+        every=every,
+        cache=cache,
+        progress=True,
+        world=axes,
+        rescale=rescale,
+        length_unit=length_unit,
+        distortion=model,
+        volume=volume,
+        square_pixels=square_pixels,
+        fixed_center=fixed_center,
+        scene=optical,
+        windows=windows,
+    )
+    calibration = replace(calibration, notes=(*strays, *calibration.notes))
+    folder = out.parent if report is None else report
+    page = folder / f"{out.stem}{PAGE}"
+    seconds = time.perf_counter() - started
+    figures = {"target": str(flat), "seconds": round(seconds, 3), **calibration.report()}
+    out.parent.mkdir(parents=True, exist_ok=True)
+    save_rig(calibration.rig, out)
+    write_calibration_page(
+        page,
+        calibration,
+        title=f"Calibration of {images.absolute().name}",
+        details={"images": images, "target": flat, "time": f"{seconds:.0f} s"},
+    )
+    write_json(folder / f"{out.stem}{FIGURES}", figures, indent=2)
     for line in (calibration.assessment, *calibration.notes):
         say(line)
     if json:

@@ -5,73 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from tomo.cli.inputs import load_rig_or_preset, parse_grid
+from tomo.cli.inputs import Box, load_rig_or_preset
 
 if TYPE_CHECKING:
     from rigs import Rig, Volume
     from rigs.calibrate.refraction import WindowPrior
     from rigs.scene import Scene
-
-_LENSES = {"rich_help_panel": "Lenses"}
-IntrinsicsOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="RIG|A=B",
-        help="A rig whose lenses and camera matrices are kept; then, repeated, A=B where camera "
-        "A is called B in it.",
-        **_LENSES,
-    ),
-]
-LensImagesOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="More images of the target, of each camera by itself, for its lens alone: a folder "
-        "or video per camera as in IMAGES. Names of equal files mean nothing here.",
-        **_LENSES,
-    ),
-]
-SquareOption = Annotated[
-    bool, typer.Option("--square-pixels", help="Pixels are square: fx = fy.", **_LENSES)
-]
-FixedCenterOption = Annotated[
-    bool,
-    typer.Option(
-        "--fixed-center", help="The principal point is in the middle of the image.", **_LENSES
-    ),
-]
-CommonLensOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="A,B",
-        help="Cameras that share camera matrix and distortion, or all; repeatable.",
-        **_LENSES,
-    ),
-]
-
-_SCENE = {"rich_help_panel": "Windows, water, hardware"}
-SceneOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="What the target was seen through: a YAML file with the scene of a rig.yaml, in the "
-        "world of --world. It becomes part of the rig.",
-        **_SCENE,
-    ),
-]
-RefineWindowOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="NAME:FIELD=SD",
-        help="Adjust a window of the scene too: standard deviations of its given normal "
-        "(degrees), distance and thickness, like quartz:normal=1,thickness=0.2; repeatable.",
-        **_SCENE,
-    ),
-]
 
 
 def given_scene(
@@ -172,13 +113,13 @@ def given_world(text: str | None) -> Any:
     return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}
 
 
-def given_volume(grid: str | None, spacing: str | None, center: str | None) -> Volume | None:
+def given_volume(box: Box) -> Volume | None:
     """Return the voxels that options describe; None where there are none."""
-    if grid is None and spacing is None and center is None:
-        return None
     from rigs import Volume
 
-    voxels = parse_grid(grid, spacing, center)
+    if not box:
+        return None
+    voxels = box.voxels()
     return Volume(voxels.shape, voxels.spacing, voxels.center)
 
 

@@ -3,26 +3,14 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from tomo.cli.center_offer import offered_center, with_offered_center
-from tomo.cli.console import JsonFlag, print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import (
-    CenterOption,
-    GridOption,
-    LowerOption,
-    PatternOption,
-    RigArgument,
-    SpacingOption,
-    UpperOption,
-    load_rig_and_grid,
-    parse_grid,
-)
-from tomo.cli.outputs import check_output_pictures
+from tomo.cli.console import print_json, say
+from tomo.cli.inputs import Box, check_output_pictures, load_rig_and_grid
+from tomo.pipeline.checks import whole
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -42,88 +30,81 @@ flametomo check-rig paper33_pitch --grid 30x140x30 --spacing 0.5
 
 
 def check_rig(
-    rig: RigArgument,
-    grid: GridOption = None,
-    spacing: SpacingOption = None,
-    center: CenterOption = None,
-    lower: LowerOption = None,
-    upper: UpperOption = None,
-    pixel_accuracy: Annotated[
-        float | None,
-        typer.Option(
-            help="RMS error of a line of sight in pixels, for cameras without a calibration; 0.2 "
-            "is assumed where it is not given."
-        ),
-    ] = None,
-    iterations: Annotated[
-        int, typer.Option(help="Iterations to estimate the time of.", min=0)
-    ] = 100,
-    time: Annotated[bool, typer.Option(help="Estimate time on this machine.")] = True,
-    out: Annotated[
-        list[Path] | None,
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="A .png, .html or .glb file for maps; repeatable."
-        ),
-    ] = None,
-    noise: Annotated[
-        float | None,
-        typer.Option(
-            help="Noise of a pixel as a fraction of the brightest, such as 0.01: says how small "
-            "a fault of each camera the images of a flame of the box's size would tell."
-        ),
-    ] = None,
-    images: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="A scan or a folder of images to show in the page."),
-    ] = None,
-    pattern: PatternOption = None,
-    json: JsonFlag = False,
+    rig: str,
+    /,
+    *,
+    pixel_accuracy: float | None = None,
+    iterations: Annotated[int, whole(0)] = 100,
+    time: bool = True,
+    out: Sequence[Path] | None = None,
+    noise: float | None = None,
+    images: Path | None = None,
+    pattern: str | None = None,
+    json: bool = False,
+    box: Box,
 ) -> None:
     """Check whether a rig is good enough for a volume.
 
     Prints a table of the cameras, what is wrong and which camera is responsible, and the memory
     and time of a reconstruction. The exit code is 0 however bad the rig is, and 2 for bad input.
+
+    Parameters
+    ----------
+    rig : RIG
+        A rig.yaml, a preset's name, a scan, or a file of another format.
+    pixel_accuracy : X
+        RMS error of a line of sight in pixels, for cameras without a calibration; 0.2 is assumed
+        where it is not given.
+    iterations : N
+        Iterations to estimate the time of.
+    time :
+        Estimate time on this machine.
+    out : FILE
+        A .png, .html or .glb file for maps; repeatable.
+    noise : X
+        Noise of a pixel as a fraction of the brightest, such as 0.01: says how small a fault of
+        each camera the images of a flame of the box's size would tell.
+    images : FOLDER
+        A scan or a folder of images to show in the page.
+    pattern : PATTERN
+        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
+        CAMERA.tif: '{frame}/{camera}.png', say.
     """
-    with bad_input_in_one_line():
-        out = out or []
-        check_output_pictures(out)
-        if images is not None and not any(path.suffix.lower() == ".html" for path in out):
-            raise ValueError(
-                f"--images: found {images} without a page, expected an .html among --out"
-            )
-        if pattern is not None and images is None:
-            raise ValueError("--pattern: expected --images with it")
-        if pixel_accuracy is not None and not 0 < pixel_accuracy < math.inf:
-            raise ValueError(
-                f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number"
-            )
-        if noise is not None and not 0 < noise < 1:
-            raise ValueError(f"--noise: found {noise:g}, expected a fraction between 0 and 1")
-        from rigs import check_rig as check_volume
-        from tomo.draw import visualize_check
+    out = out or []
+    check_output_pictures(out)
+    if images is not None and not any(path.suffix.lower() == ".html" for path in out):
+        raise ValueError(f"--images: found {images} without a page, expected an .html among --out")
+    if pattern is not None and images is None:
+        raise ValueError("--pattern: expected --images with it")
+    if pixel_accuracy is not None and not 0 < pixel_accuracy < math.inf:
+        raise ValueError(f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number")
+    if noise is not None and not 0 < noise < 1:
+        raise ValueError(f"--noise: found {noise:g}, expected a fraction between 0 and 1")
+    from rigs import check_rig as check_volume
+    from tomo.draw import visualize_check
 
-        loaded, default = load_rig_and_grid(rig)
-        if not len(loaded):
-            raise ValueError(f"{rig}: cameras: found none, expected at least one")
-        is_free = default is None and center is None and lower is None and upper is None
-        try:
-            voxels = parse_grid(grid, spacing, center, lower, upper, default=default)
-        except ValueError as error:
-            is_asked = is_free and (grid is None or spacing is None)
-            raise ValueError(f"{error}{offered_center(loaded) if is_asked else ''}") from None
-        check = check_volume(loaded, voxels, pixel_accuracy=pixel_accuracy)
-        if is_free:
-            check = with_offered_center(check, loaded, voxels)
-        need, effort, why = _effort(loaded, voxels, time)
-        limits = None if noise is None else _limits(loaded, voxels, noise)
-        heading = Path(rig).stem
-        pictures = None
-        if images is not None:
-            from tomo.draw.rig.thumbnails import load_thumbnails
+    loaded, default = load_rig_and_grid(rig)
+    if not len(loaded):
+        raise ValueError(f"{rig}: cameras: found none, expected at least one")
+    is_free = default is None and not box.is_placed
+    try:
+        voxels = box.voxels(default)
+    except ValueError as error:
+        is_asked = is_free and (box.grid is None or box.spacing is None)
+        raise ValueError(f"{error}{_offered_center(loaded) if is_asked else ''}") from None
+    check = check_volume(loaded, voxels, pixel_accuracy=pixel_accuracy)
+    if is_free:
+        check = _with_offered_center(check, loaded, voxels)
+    need, effort, why = _effort(loaded, voxels, time)
+    limits = None if noise is None else _limits(loaded, voxels, noise)
+    heading = Path(rig).stem
+    pictures = None
+    if images is not None:
+        from tomo.draw.rig.thumbnails import load_thumbnails
 
-            pictures = load_thumbnails(loaded, images, pattern=pattern, note=say)
-        for path in out:
-            visualize_check(path, check, images=pictures, title=heading)
+        pictures = load_thumbnails(loaded, images, pattern=pattern, note=say)
+    for path in out:
+        visualize_check(path, check, images=pictures, title=heading)
     if not json:
         from rigs.progress import console
         from tomo.draw.rig.rig_page import COARSER_IN_WORDS
@@ -141,6 +122,38 @@ def check_rig(
     if json:
         report = _report(check, need, effort, iterations, why, out)
         print_json(report | ({} if limits is None else {"detection_limits": limits.report()}))
+
+
+def _offered_center(rig: Rig) -> str:
+    """Return the centre to ask for, in words; nothing where the cameras' axes do not meet."""
+    from rigs import point_in_view
+
+    point = point_in_view(rig)
+    return "" if point is None else f"; the cameras' axes meet at --center {_triple(point)}"
+
+
+def _with_offered_center(check: RigCheck, rig: Rig, grid: VoxelGrid) -> RigCheck:
+    """Return the check with a line on the grid's centre, the origin as none was given."""
+    import numpy as np
+
+    from rigs import point_in_view
+    from rigs.check.result import Finding
+
+    point = point_in_view(rig)
+    if point is None or np.abs(point - grid.center).max() < max(grid.spacing):
+        return check
+    is_outside = ((point < grid.lower) | (point > grid.upper)).any()
+    finding = Finding(
+        "warning" if is_outside else "note",
+        "no --center was given and the rig has no volume, so the grid is about the origin; the "
+        f"cameras' axes meet at {_triple(point)}: try --center {_triple(point)}",
+        (),
+    )
+    return replace(check, findings=(finding, *check.findings))
+
+
+def _triple(point: Sequence[float]) -> str:
+    return ",".join(f"{value:.6g}" for value in point)
 
 
 def _limits(rig: Rig, voxels: VoxelGrid, noise: float) -> Limits:
@@ -234,7 +247,7 @@ def _report(
     effort: Effort | None,
     iterations: int,
     why: str,
-    out: list[Path],
+    out: Sequence[Path],
 ) -> dict:
     """Return the check as plain data, with the memory and time of a reconstruction."""
     estimate: dict = {"rays": need.rays, "segments": need.segments, "voxels": need.voxels}

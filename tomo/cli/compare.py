@@ -3,14 +3,10 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING
 
-import typer
-
-from tomo.cli.console import JsonFlag, print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import read_volume_file
-from tomo.cli.outputs import check_output_file
+from tomo.cli.console import print_json, say
+from tomo.cli.inputs import BareArray, check_output_file, read_volume_file
 
 if TYPE_CHECKING:
     from tomo import Volume
@@ -22,51 +18,48 @@ flametomo compare out.zarr out.zarr --frame-a 0 --frame-b 20 -o frames.html
 flametomo compare out array.npy --spacing 0.5
 """
 
-_FRAME = {"metavar": "N", "help": "Its frame, counted from 0, where it is a film of several."}
-
 
 def compare(
-    a: Annotated[
-        Path,
-        typer.Argument(
-            metavar="A",
-            help="What reconstruct wrote (a folder or a store), a volume file, or a film of "
-            "volumes. Its grid is that of the comparison.",
-        ),
-    ],
-    b: Annotated[Path, typer.Argument(metavar="B", help="The same, to compare with A.")],
-    out: Annotated[
-        Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="A .html page to write."),
-    ] = None,
-    frame_a: Annotated[int | None, typer.Option(**_FRAME)] = None,
-    frame_b: Annotated[int | None, typer.Option(**_FRAME)] = None,
-    spacing: Annotated[
-        str | None, typer.Option(metavar="LENGTH", help="Edge lengths of a voxel of a .npy.")
-    ] = None,
-    center: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z", help="Center of a .npy's grid; the origin if absent."),
-    ] = None,
-    json: JsonFlag = False,
+    a: Path,
+    b: Path,
+    /,
+    *,
+    out: Path | None = None,
+    frame_a: int | None = None,
+    frame_b: int | None = None,
+    json: bool = False,
+    array: BareArray,
 ) -> None:
     """Compare two volumes: figures, slices beside each other and their difference.
 
     B on another grid is resampled onto that of A, which is said.
-    """
-    with bad_input_in_one_line():
-        if out is not None:
-            check_output_file(out, (".html",))
-        from tomo.report.volume_comparison import VolumeComparison
 
-        first, second = (
-            _volume(path, frame, option, spacing, center)
-            for path, frame, option in ((a, frame_a, "--frame-a"), (b, frame_b, "--frame-b"))
-        )
-        names = _names((a, b), (frame_a, frame_b))
-        found = VolumeComparison.of(first, second, names)
-        if out is not None:
-            found.write(out)
+    Parameters
+    ----------
+    a : A
+        What reconstruct wrote (a folder or a store), a volume file, or a film of volumes. Its
+        grid is that of the comparison.
+    b : B
+        The same, to compare with A.
+    out : FILE
+        A .html page to write.
+    frame_a : N
+        Frame of A, counted from 0, where it is a film of several.
+    frame_b : N
+        Frame of B, counted from 0, where it is a film of several.
+    """
+    if out is not None:
+        check_output_file(out, (".html",))
+    from tomo.report.volume_comparison import VolumeComparison
+
+    first, second = (
+        _volume(path, frame, option, array)
+        for path, frame, option in ((a, frame_a, "--frame-a"), (b, frame_b, "--frame-b"))
+    )
+    names = _names((a, b), (frame_a, frame_b))
+    found = VolumeComparison.of(first, second, names)
+    if out is not None:
+        found.write(out)
     for note in found.notes:
         say(f"note: {note}", "yellow")
     shown = {
@@ -85,9 +78,7 @@ def compare(
         print_json(found.figures | {"page": None if out is None else str(out)})
 
 
-def _volume(
-    path: Path, frame: int | None, option: str, spacing: str | None, center: str | None
-) -> Volume:
+def _volume(path: Path, frame: int | None, option: str, array: BareArray) -> Volume:
     """Return the volume of an outcome's folder, a film's frame, or a volume file."""
     from tomo.io import VolumeFilm
     from tomo.report.outcome_files import VOLUME_FILES
@@ -100,8 +91,8 @@ def _volume(
             raise ValueError(f"{option}: found {frame}, expected it with a film like out.zarr")
         if path.is_dir():
             path = path / VOLUME_FILES[0]
-        own = (spacing, center) if path.suffix.lower() == ".npy" else ()
-        return read_volume_file(path, *own, allow_nan=True)[0]
+        own = array if path.suffix.lower() == ".npy" else BareArray()
+        return read_volume_file(path, own, allow_nan=True)[0]
     film = VolumeFilm(path) if VolumeFilm.is_at(path) else SeriesStore(path)
     if frame is None and film.n_frames > 1:
         raise ValueError(

@@ -4,23 +4,10 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from tomo.cli.console import JsonFlag, print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.outputs import check_output_folder
-from tomo.cli.rig_changes import (
-    CropOption,
-    DropOption,
-    KeepOption,
-    RenameOption,
-    RigChanges,
-    RotateOption,
-    ScaleOption,
-    WorldOption,
-)
+from tomo.cli.console import print_json, say
+from tomo.cli.inputs import check_output_folder
+from tomo.cli.rig_changes import RigChanges
 
 _TABLE = """
 Formats, r: read, w: written:
@@ -57,65 +44,49 @@ DETAILS = _TABLE.format(formats=_formats())
 
 
 def convert_rig(
-    source: Annotated[
-        Path, typer.Argument(metavar="IN", help="The rig to read: a file, or a folder of files.")
-    ],
-    target: Annotated[
-        Path, typer.Argument(metavar="OUT", help="The rig to write: a file, or a folder.")
-    ],
-    from_format: Annotated[
-        str | None,
-        typer.Option("--from", metavar="FORMAT", help="Format of IN; recognised if absent."),
-    ] = None,
-    to_format: Annotated[
-        str | None,
-        typer.Option("--to", metavar="FORMAT", help="Format of OUT; by its suffix if absent."),
-    ] = None,
-    length_unit: Annotated[
-        str | None,
-        typer.Option(
-            metavar="UNIT",
-            help="Unit of OUT, like mm. Lengths are converted where IN names its unit, and kept "
-            "as they are where it names none.",
-        ),
-    ] = None,
-    image_size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WxH", help="Image size in pixels, like 640x480, for formats without it."
-        ),
-    ] = None,
-    keep: KeepOption = None,
-    drop: DropOption = None,
-    crop: CropOption = None,
-    rotate: RotateOption = None,
-    scale: ScaleOption = None,
-    world: WorldOption = None,
-    rename: RenameOption = None,
-    ray_tables: Annotated[
-        bool,
-        typer.Option(
-            "--ray-tables",
-            help="Write every camera as a table of rays; those through a scene as they are where "
-            "they pass the volume, so that the scene is no longer needed.",
-        ),
-    ] = False,
-    as_json: JsonFlag = False,
+    source: Path,
+    target: Path,
+    /,
+    *,
+    from_: str | None = None,
+    to: str | None = None,
+    length_unit: str | None = None,
+    image_size: str | None = None,
+    ray_tables: bool = False,
+    json: bool = False,
+    changes: RigChanges,
 ) -> None:
-    """Convert a rig from one format into another."""
+    """Convert a rig from one format into another.
+
+    Parameters
+    ----------
+    source : IN
+        The rig to read: a file, or a folder of files.
+    target : OUT
+        The rig to write: a file, or a folder.
+    from_ : FORMAT
+        Format of IN; recognised if absent.
+    to : FORMAT
+        Format of OUT; by its suffix if absent.
+    length_unit : UNIT
+        Unit of OUT, like mm. Lengths are converted where IN names its unit, and kept as they are
+        where it names none.
+    image_size : WxH
+        Image size in pixels, like 640x480, for formats without it.
+    ray_tables :
+        Write every camera as a table of rays; those through a scene as they are where they pass
+        the volume, so that the scene is no longer needed.
+    """
     from rigs import formats
     from rigs.changes import as_ray_tables
 
-    with bad_input_in_one_line():
-        found = from_format or formats.sniff(source)
-        rig = formats.load(
-            source, found, length_unit=length_unit, image_size=_parse_size(image_size)
-        )
-        rig, notes = RigChanges(keep, drop, crop, rotate, scale, rename, world).of(rig)
-        if ray_tables:
-            rig = as_ray_tables(rig)
-        check_output_folder(target.parent)
-        formats.save(rig, target, to_format)
+    found = from_ or formats.sniff(source)
+    rig = formats.load(source, found, length_unit=length_unit, image_size=_parse_size(image_size))
+    rig, notes = changes.of(rig)
+    if ray_tables:
+        rig = as_ray_tables(rig)
+    check_output_folder(target.parent)
+    formats.save(rig, target, to)
     result = {
         "format": found,
         "cameras": list(rig.names),
@@ -125,7 +96,7 @@ def convert_rig(
     }
     for note in notes:
         say(f"note: {note}")
-    if as_json:
+    if json:
         print_json(result)
     else:
         say(f"{target}: {len(rig)} cameras in {rig.length_unit}, from {found}")

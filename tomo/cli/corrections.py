@@ -3,101 +3,65 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
-
-import typer
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tomo import Scan
 
-_PANEL = {"rich_help_panel": "Corrections, each for all cameras or CAMERA=VALUE,CAMERA=VALUE"}
-_IMAGES = "CAMERA.tif, or several images a camera, whose mean is taken"
 
-DarkOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FOLDER|FILE|LEVEL",
-        help=f"Dark frames: a folder of {_IMAGES}; a file, {{camera}} for the camera's name; or "
-        "a level in full scales, like 0.0244 or 100/4095.",
-        **_PANEL,
-    ),
-]
-FlatOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FOLDER|FILE|LEVEL",
-        help="Images of even light, dark taken off, that images are divided by; as --dark.",
-        **_PANEL,
-    ),
-]
-GainOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FACTOR",
-        help="Images times this: 1.02 for a camera that records 2 % too little.",
-        **_PANEL,
-    ),
-]
-MaskOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="FOLDER|FILE",
-        help="Images that are zero where the pixel is unusable; as --dark.",
-        **_PANEL,
-    ),
-]
-SaturationOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="LEVEL",
-        help="Pixels at or above it are left out; in full scales, of images as recorded.",
-        **_PANEL,
-    ),
-]
-BitDepthOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="BITS",
-        help="Bits that the camera uses of integer images where files do not say: 12 of 16, say.",
-        **_PANEL,
-    ),
-]
-BayerOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="ORDER",
-        help="Images are mosaics of colour filters in this order, like RGGB: the pixels of "
-        "--channel are used, with rays of their own.",
-        **_PANEL,
-    ),
-]
-ChannelOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="r|g|b|N",
-        help="The colour to reconstruct of images in colour, or the channel of images and films "
-        "with several, from 0.",
-        **_PANEL,
-    ),
-]
+@dataclass(frozen=True)
+class Corrections:
+    """What is corrected of images.
 
-
-def corrected(scan: Scan, options: Mapping[str, str | None]) -> Scan:
-    """Return the scan with the corrections of a command's options; others stay as they are.
-
-    Raises
-    ------
-    ValueError
-        Naming the option, if a value is none of its correction, a file is not there, or the scan
-        names colours already.
+    Corrections, each for all cameras or CAMERA=VALUE,CAMERA=VALUE
+    --------------------------------------------------------------
+    dark : FOLDER|FILE|LEVEL
+        Dark frames: a folder of CAMERA.tif, or several images a camera, whose mean is taken; a
+        file, {camera} for the camera's name; or a level in full scales, like 0.0244 or 100/4095.
+    flat : FOLDER|FILE|LEVEL
+        Images of even light, dark taken off, that images are divided by; as --dark.
+    gain : FACTOR
+        Images times this: 1.02 for a camera that records 2 % too little.
+    mask : FOLDER|FILE
+        Images that are zero where the pixel is unusable; as --dark.
+    saturation : LEVEL
+        Pixels at or above it are left out; in full scales, of images as recorded.
+    bit_depth : BITS
+        Bits that the camera uses of integer images where files do not say: 12 of 16, say.
+    bayer : ORDER
+        Images are mosaics of colour filters in this order, like RGGB: the pixels of --channel are
+        used, with rays of their own.
+    channel : r|g|b|N
+        The colour to reconstruct of images in colour, or the channel of images and films with
+        several, from 0.
     """
-    given = {name: value_of(name, text) for name, text in options.items() if text is not None}
-    colours = {name: given.pop(name) for name in ("channel", "bayer") if name in given}
-    if given:
-        scan = scan.with_corrections(**given)
-    return scan.of_channel(colours.get("channel"), colours.get("bayer")) if colours else scan
+
+    dark: str | None = None
+    flat: str | None = None
+    gain: str | None = None
+    mask: str | None = None
+    saturation: str | None = None
+    bit_depth: str | None = None
+    bayer: str | None = None
+    channel: str | None = None
+
+    def of(self, scan: Scan) -> Scan:
+        """Return the scan with these corrections; others stay as they are.
+
+        Raises
+        ------
+        ValueError
+            Naming the option, if a value is none of its correction, a file is not there, or the
+            scan names colours already.
+        """
+        options = asdict(self).items()
+        given = {name: value_of(name, text) for name, text in options if text is not None}
+        colours = {name: given.pop(name) for name in ("channel", "bayer") if name in given}
+        if given:
+            scan = scan.with_corrections(**given)
+        return scan.of_channel(colours.get("channel"), colours.get("bayer")) if colours else scan
 
 
 def value_of(name: str, text: str) -> Any:

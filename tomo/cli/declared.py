@@ -1,82 +1,256 @@
-"""Options of a command that are made from the declarations of a dataclass."""
+"""Commands from declarations: signatures and docstrings of functions, and fields of dataclasses.
+
+A command is a function. Its positional-only parameters are arguments, its keyword-only ones are
+options; one that is annotated with a dataclass stands for an option for each field. What
+``--help`` says of them is in the docstrings, as numpydoc has it: ``name : METAVAR``, then the
+text. A title other than Parameters is a section of the help. The fields of a
+`tomo.pipeline.declared.Declared` say it themselves.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import inspect
-from collections.abc import Callable
-from typing import Annotated, Any, TypeVar, get_type_hints
+import re
+import types
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
-T = TypeVar("T")
+from tomo.cli.console import bad_input_in_one_line, flag
+from tomo.cli.usage import one_line_usage
+from tomo.pipeline.checks import Check, number, whole
+from tomo.pipeline.declared import Declared
+
+OTHERS = "More options"
+"""The section of options that have none of their own, where others come first."""
+
+_Said = tuple[str, str, str | None]  # metavar, help, section
+_NONE = inspect.Parameter.empty
+_SAID = {"json": ("", "Print one JSON object on stdout.")}
+_TITLE = re.compile(r"^(\S.*)\n-{3,}\n", re.MULTILINE)
+_ENTRY = re.compile(r"^(\w+) : *(.*)\n((?:(?:    .*)?(?:\n|\Z))*)", re.MULTILINE)
 
 
-def with_options_of(declared: type) -> Callable[[Callable[..., None]], Callable[..., None]]:
-    """Give a function that takes ``**values`` an option for each field of a dataclass.
+def _path(text: str) -> Path:
+    if not text:  # it would be the present folder
+        raise ValueError
+    return Path(text)
 
-    A field's metadata has ``help``, ``metavar``, ``topic`` and ``check.choices``. An option
-    takes text, which the dataclass converts and checks. An option whose default is an empty tuple
-    can be repeated. In the help the options come before the function's keyword-only parameters.
+
+_CHECKS = {int: whole(), float: number(), Path: Check("a path", _path, metavar="FILE")}
+
+
+@dataclass(frozen=True)
+class Given:
+    """An argument or option of a command.
+
+    Attributes
+    ----------
+    name : str
+        That of the parameter or field.
+    default : Any
+        `inspect.Parameter.empty` where one has to be given.
+    is_argument, is_switch, is_many : bool
+        Many values where the option can be repeated.
+    check : Check, optional
+        Converts a value; text stays as it is without.
+    help, metavar : str
+    section : str, optional
+        Of the help.
     """
 
-    def decorate(function: Callable[..., None]) -> Callable[..., None]:
-        signature = inspect.signature(function, eval_str=True)
-        own = list(signature.parameters.values())
-        first = [one for one in own if one.kind is one.POSITIONAL_OR_KEYWORD]
-        last = [one for one in own if one.kind is one.KEYWORD_ONLY]
-        types = get_type_hints(declared)
-        made = [_parameter(field, types[field.name]) for field in dataclasses.fields(declared)]
-        parameters = [*first, *made, *last]
-        made_anew = signature.replace(parameters=parameters)
-        function.__signature__ = made_anew  # type: ignore[attr-defined]  # read by inspect
-        function.__annotations__ = {one.name: one.annotation for one in parameters}
-        return function
+    name: str
+    default: Any
+    is_argument: bool
+    is_switch: bool
+    is_many: bool
+    check: Check | None
+    help: str
+    metavar: str
+    section: str | None
 
-    return decorate
+    def for_typer(self) -> inspect.Parameter:
+        """Return the parameter of texts, or the flag, that typer parses."""
+        said: dict[str, Any] = {"help": self.help, "metavar": self.metavar}
+        if self.is_argument:
+            info: Any = typer.Argument(show_default=False, **said)
+        elif self.is_switch:
+            both = "" if self.default is False else f"/{flag(f'no_{self.name}')}"
+            info = typer.Option(flag(self.name) + both, help=self.help)
+        else:
+            info = typer.Option(flag(self.name), *["-o"] * (self.name == "out"), **said)
+        info.rich_help_panel = self.section
+        default, kind = self.default, Annotated[str | None, info]
+        if self.is_switch:
+            kind = Annotated[bool | None, info]
+        elif self.is_many:
+            default, kind = (_NONE if default is _NONE else []), Annotated[list[str], info]
+        elif default not in (None, _NONE):
+            default = str(default)
+        only = inspect.Parameter.KEYWORD_ONLY
+        return inspect.Parameter(self.name, only, default=default, annotation=kind)
+
+    def value_of(self, parsed: Any) -> Any:
+        """Return what the function takes for what typer has parsed.
+
+        Raises
+        ------
+        ValueError
+            Naming the option, what was found and what was expected.
+        """
+        if not self.is_many:
+            return parsed if parsed is None or self.check is None else self._converted(parsed)
+        if not parsed:
+            return self.default
+        return [text if self.check is None else self._converted(text) for text in parsed]
+
+    def _converted(self, text: str) -> Any:
+        check = self.check
+        assert check is not None
+        try:
+            return check.convert(text)
+        except (TypeError, ValueError, OverflowError):
+            name = self.metavar if self.is_argument else flag(self.name)
+            raise ValueError(f"{name}: found {text!r}, {check.instead_of(text)}") from None
 
 
-def declared_from(declared: type[T], values: dict[str, Any]) -> T:
-    """Return the dataclass of the values that a command was given.
+def command_line(
+    function: Callable[..., None],
+    name: str,
+    *,
+    help: str = "",
+    epilog: str | None = None,
+    first: Sequence[str] = (),
+) -> typer.Typer:
+    r"""Return the command line of a function, which is a command of its own.
 
-    Raises
-    ------
-    ValueError
-        Naming the option as it is written on the command line.
+    Parameters
+    ----------
+    function : callable
+        As the module says, or with typer's annotations.
+    name : str
+    help, epilog : str, optional
+        Texts above and below the options, after what the docstring says. Lines below a line
+        ``\b`` stay as they are.
+    first : sequence of str
+        The options that the help begins with, in their order.
     """
-    values = {k: tuple(v) if isinstance(v, list) else v for k, v in values.items()}
+    app = typer.Typer(add_completion=False, rich_markup_mode=None)
+    parameters = inspect.signature(function, eval_str=True).parameters.values()
+    groups = {one.name: one.annotation for one in parameters if _is_group(one.annotation)}
+    gone: dict[str, str] = {}
+    if any(one.kind is not one.POSITIONAL_OR_KEYWORD for one in parameters):
+        given = [_among(one, first) for one in _given_of(function)]
+        given.sort(key=lambda one: first.index(one.name) if one.name in first else len(first))
+        for kind in groups.values():
+            gone |= getattr(kind, "gone", {})
+        help, function = f"{_about(function)}\n\n{help}", _run(function, given, groups)
+    app.command(name=name, cls=one_line_usage(gone), help=help, epilog=epilog)(function)
+    return app
+
+
+def _run(
+    function: Callable[..., None], given: Sequence[Given], groups: dict[str, type]
+) -> Callable[..., None]:
+    """Return what typer calls with texts and flags: it calls the function with values."""
+
+    def run(**parsed: Any) -> None:
+        with bad_input_in_one_line():
+            values = {one.name: one.value_of(parsed[one.name]) for one in given}
+            arguments = [values.pop(one.name) for one in given if one.is_argument]
+            for name, kind in groups.items():
+                values[name] = _made(kind, {f.name: values.pop(f.name) for f in _fields(kind)})
+            function(*arguments, **values)
+
+    made = [one.for_typer() for one in given]
+    run.__signature__ = inspect.Signature(made)  # type: ignore[attr-defined]  # read by inspect
+    run.__annotations__ = {one.name: one.annotation for one in made}
+    return run
+
+
+def _made(kind: type, values: dict[str, Any]) -> Any:
+    """Return a dataclass; an error names the option as it is typed."""
     try:
-        return declared(**values)
+        return kind(**{k: tuple(v) if isinstance(v, list) else v for k, v in values.items()})
     except ValueError as error:
         name, _, rest = str(error).partition(":")
-        raise ValueError(f"{_flag(name)}:{rest}") from None
+        raise ValueError(f"{flag(name)}:{rest}") from None
 
 
-def _parameter(field: dataclasses.Field, kind: Any) -> inspect.Parameter:
-    """Return the parameter of a command for a field."""
-    choices = ", ".join(field.metadata["check"].choices)
-    settings = {
-        "help": field.metadata["help"] + (f" One of {choices}." if choices else ""),
-        "metavar": field.metadata["metavar"],
-        "rich_help_panel": field.metadata["topic"],
-    }
-    default: Any = None if field.default is None else str(field.default)
-    names = [_flag(field.name)]
-    if kind in (bool, bool | None):
-        kind, default = bool | None, field.default
-        if field.default is not False:
-            names = [f"{names[0]}/{names[0].replace('--', '--no-', 1)}"]
-    elif field.default == ():
-        kind, default = list[str], []
-    else:
-        kind = str | None
-    return inspect.Parameter(
-        field.name,
-        inspect.Parameter.KEYWORD_ONLY,
-        default=default,
-        annotation=Annotated[kind, typer.Option(*names, **settings)],
-    )
+def _given_of(function: Callable[..., None]) -> Iterator[Given]:
+    """Yield the arguments and options of a function, in the order of its parameters."""
+    said = _said_in(function)
+    for one in inspect.signature(function, eval_str=True).parameters.values():
+        if not _is_group(one.annotation):
+            is_argument = one.kind is one.POSITIONAL_ONLY
+            yield _given(one.name, one.annotation, one.default, is_argument, said)
+            continue
+        own, kinds = _said_in(one.annotation), get_type_hints(one.annotation, include_extras=True)
+        for field in _fields(one.annotation):
+            if issubclass(one.annotation, Declared):
+                yield _declared(field, kinds[field.name])
+            else:
+                yield _given(field.name, kinds[field.name], field.default, False, own)
 
 
-def _flag(name: str) -> str:
-    return "--" + name.replace("_", "-")
+def _given(name: str, kind: Any, default: Any, is_argument: bool, said: dict[str, _Said]) -> Given:
+    """Return the argument or option of a parameter or field, by its type."""
+    check = None
+    if get_origin(kind) is Annotated:
+        kind, check = get_args(kind)
+    plain = [one for one in get_args(kind) if one is not types.NoneType] or [kind]
+    one = plain[0] if isinstance(kind, types.UnionType) else kind
+    is_many = get_origin(one) is Sequence
+    one = get_args(one)[0] if is_many else one
+    metavar, text, section = said.get(name, (*_SAID.get(name, ("", "")), None))
+    check = check or _CHECKS.get(one)
+    metavar = metavar or (check and check.metavar) or "TEXT"
+    return Given(name, default, is_argument, one is bool, is_many, check, text, metavar, section)
+
+
+def _declared(field: dataclasses.Field, kind: Any) -> Given:
+    """Return the option of a declared field, which converts its text itself."""
+    said = field.metadata
+    text = said["help"]
+    if choices := said["check"].choices:
+        text += f" One of {', '.join(choices)}."
+    is_switch, is_many = kind in (bool, bool | None), field.default == ()
+    return Given(
+        field.name, field.default, False, is_switch, is_many, None, text,
+        said["metavar"] or "TEXT", said["topic"],
+    )  # fmt: skip
+
+
+def _among(one: Given, first: Sequence[str]) -> Given:
+    """Return an option in the section that it has where some come first."""
+    if not first or one.is_argument:
+        return one
+    return replace(one, section=None if one.name in first else one.section or OTHERS)
+
+
+def _is_group(annotation: Any) -> bool:
+    return isinstance(annotation, type) and dataclasses.is_dataclass(annotation)
+
+
+def _fields(kind: Any) -> tuple[dataclasses.Field, ...]:
+    return dataclasses.fields(kind)
+
+
+def _about(function: Callable[..., None]) -> str:
+    """Return what a docstring says before its sections."""
+    return _TITLE.split(f"{inspect.getdoc(function) or ''}\n")[0]
+
+
+def _said_in(documented: Any) -> dict[str, _Said]:
+    """Return metavar, help and section of what a docstring describes; none of it with -OO."""
+    found: dict[str, _Said] = {}
+    _, *parts = _TITLE.split(f"{inspect.getdoc(documented) or ''}\n")
+    for title, text in zip(parts[::2], parts[1::2], strict=True):
+        section = None if title == "Parameters" else title
+        for name, metavar, about in _ENTRY.findall(text):
+            found[name] = (metavar, " ".join(about.split()), section)
+    return found

@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from tomo.cli.console import JsonFlag, print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.outputs import check_output_folder
+from tomo.cli.console import print_json, say
+from tomo.cli.inputs import check_output_folder
 
 EXAMPLES = """
 flametomo export out.zarr --to pvd -o flame.pvd
@@ -20,42 +16,32 @@ flametomo export out.zarr --to statistics -o statistics.zarr
 """
 
 
-def export(
-    store: Annotated[
-        Path, typer.Argument(metavar="STORE", help="The store that reconstruct --frames wrote.")
-    ],
-    out: Annotated[
-        Path,
-        typer.Option("--out", "-o", metavar="OUT", help="The file or folder to write."),
-    ],
-    to: Annotated[
-        str,
-        typer.Option(
-            metavar="FORMAT",
-            help="pvd: a collection for ParaView beside a folder of .vti files. vtkhdf: one file "
-            "for ParaView. ome-zarr: an image t, z, y, x for napari and Fiji. netcdf: one file "
-            "with coordinates. npz: a folder of NumPy files. mp4: a film of maximum projections. "
-            "statistics: mean and RMS fluctuation of every voxel. spectrum: its power spectral "
-            "density over time.",
-        ),
-    ],
-    frames: Annotated[
-        str,
-        typer.Option(metavar="A:B:C", help="A slice of the store's frames, counted from 0."),
-    ] = ":",
-    json: JsonFlag = False,
-) -> None:
-    """Write the frames of a store for other programs, or their statistics."""
-    with bad_input_in_one_line():
-        from tomo.export import export_series
-        from tomo.series.frames import slices_of
-        from tomo.series.store import SeriesStore
+def export(store: Path, /, *, out: Path, to: str, frames: str = ":", json: bool = False) -> None:
+    """Write the frames of a store for other programs, or their statistics.
 
-        opened = SeriesStore(store)
-        places = slices_of(frames, opened.n_frames)
-        check_output_folder(out.parent)
-        written = export_series(opened, out, to, places, progress=True)
-        numbers, skipped = opened.values("frame"), opened.skipped
+    Parameters
+    ----------
+    store : STORE
+        The store that reconstruct --frames wrote.
+    out : OUT
+        The file or folder to write.
+    to : FORMAT
+        pvd: a collection for ParaView beside a folder of .vti files. vtkhdf: one file for
+        ParaView. ome-zarr: an image t, z, y, x for napari and Fiji. netcdf: one file with
+        coordinates. npz: a folder of NumPy files. mp4: a film of maximum projections. statistics:
+        mean and RMS fluctuation of every voxel. spectrum: its power spectral density over time.
+    frames : A:B:C
+        A slice of the store's frames, counted from 0.
+    """
+    from tomo.export import export_series
+    from tomo.series.frames import slices_of
+    from tomo.series.store import SeriesStore
+
+    opened = SeriesStore(store)
+    places = slices_of(frames, opened.n_frames)
+    check_output_folder(out.parent)
+    written = export_series(opened, out, to, places, progress=True)
+    numbers, skipped = opened.values("frame"), opened.skipped
     left_out = [int(numbers[place]) for place in places if skipped[place]]
     count = len(places) - len(left_out)
     say(f"{written}: {count} frames of {store}")

@@ -12,21 +12,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from tomo.cli.console import JsonFlag, print_json, say
-from tomo.cli.corrections import BayerOption, ChannelOption, value_of
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import (
-    CenterOption,
-    GridOption,
-    LowerOption,
-    SpacingOption,
-    UpperOption,
-    parse_grid,
-    parse_spacing,
-    parse_triple,
-)
-from tomo.cli.outputs import check_output_folder
-from tomo.cli.rig_changes import DropOption, RenameOption
+from tomo.cli.console import print_json, say
+from tomo.cli.corrections import value_of
+from tomo.cli.inputs import Box, check_output_folder, parse_spacing, parse_triple
+from tomo.pipeline.checks import whole
 
 if TYPE_CHECKING:
     from tomo.scan.propose import Proposal, Request
@@ -37,55 +26,24 @@ flametomo init run7 --rig calibration/rig.yaml --dark run7/dark
 flametomo init run7 --pattern '{camera}/burst2/{frame}.tif' --spacing 0.5
 """
 
-_PANEL: dict[str, Any] = {"rich_help_panel": "What is in the folder, where init cannot tell"}
-_FRAMES: dict[str, Any] = {"metavar": "FOLDER|FILE|LEVEL|none", **_PANEL}
-
 
 def init(
-    folder: Annotated[
-        Path, typer.Argument(metavar="FOLDER", help="The folder with images, and the rig.")
-    ],
-    rig: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RIG", help="A rig of any format, a table of cameras, or a preset.", **_PANEL
-        ),
-    ] = None,
-    pattern: Annotated[
-        str | None,
-        typer.Option(
-            metavar="PATTERN",
-            help="How images are named inside FOLDER, like '{camera}/{frame}.tif'.",
-            **_PANEL,
-        ),
-    ] = None,
-    dark: Annotated[
-        str | None,
-        typer.Option(help="Dark frames in FOLDER, a level in full scales, or none.", **_FRAMES),
-    ] = None,
-    flat: Annotated[
-        str | None,
-        typer.Option(help="Flat frames in FOLDER, dark taken off, or none.", **_FRAMES),
-    ] = None,
-    bit_depth: Annotated[
-        int | None,
-        typer.Option(help="Bits of integers, where files do not say.", min=1, max=32, **_PANEL),
-    ] = None,
-    channel: ChannelOption = None,
-    bayer: BayerOption = None,
-    length_unit: Annotated[
-        str | None,
-        typer.Option(metavar="UNIT", help="Unit of the rig's lengths, like mm.", **_PANEL),
-    ] = None,
-    drop: DropOption = None,
-    rename: RenameOption = None,
-    grid: GridOption = None,
-    spacing: SpacingOption = None,
-    center: CenterOption = None,
-    lower: LowerOption = None,
-    upper: UpperOption = None,
-    force: Annotated[bool, typer.Option("--force", help="Overwrite what is there.")] = False,
-    json: JsonFlag = False,
+    folder: Path,
+    /,
+    *,
+    rig: str | None = None,
+    pattern: str | None = None,
+    dark: str | None = None,
+    flat: str | None = None,
+    bit_depth: Annotated[int | None, whole(1, 32)] = None,
+    channel: str | None = None,
+    bayer: str | None = None,
+    length_unit: str | None = None,
+    drop: Sequence[str] | None = None,
+    rename: Sequence[str] | None = None,
+    force: bool = False,
+    json: bool = False,
+    box: Box,
 ) -> None:
     """Write scan.yaml and rig.yaml for the images in a folder.
 
@@ -93,39 +51,68 @@ def init(
     or a table of cameras. Proposes the box of voxels from where the cameras look and their images
     are bright, and draws it into thumbnails.png. Whatever is assumed is said, and is a comment in
     the file.
-    """
-    with bad_input_in_one_line():
-        from tomo.draw.rig.contact_sheet import contact_sheet
-        from tomo.draw.rig.thumbnails import load_thumbnails
-        from tomo.scan.propose import Request, write_proposal
-        from tomo.scan.propose.contents import THUMBNAILS
-        from tomo.scan.propose.write import check_writable
 
-        request = Request(
-            rig=rig,
-            pattern=pattern,
-            dark=_frames("dark", dark, folder),
-            flat=_frames("flat", flat, folder),
-            channel=None if channel is None else channel.lower(),
-            bayer=None if bayer is None else bayer.upper(),
-            bit_depth=bit_depth,
-            rename=_renamed(rename or ()),
-            drop=tuple(drop or ()),
-            length_unit=length_unit,
-            **_grid(grid, spacing, center, lower, upper),
-        )
-        check_output_folder(folder)
-        check_writable(folder, (THUMBNAILS,), force=force)
-        found = _proposed(folder, request, may_ask=request == Request() and not json)
-        moment = found.images.moments[1].name
-        pictures = load_thumbnails(found.scan.rig, found.scan, moment, note=say)
-        sheet = contact_sheet(
-            found.scan.rig,
-            pictures,
-            found.grid,
-            f"{folder.absolute().name}, frame {moment}, and the box of voxels",
-        )
-        written = write_proposal(found, {THUMBNAILS: sheet}, force=force)
+    Parameters
+    ----------
+    folder : FOLDER
+        The folder with images, and the rig.
+    force :
+        Overwrite what is there.
+
+    What is in the folder, where init cannot tell
+    ---------------------------------------------
+    rig : RIG
+        A rig of any format, a table of cameras, or a preset.
+    pattern : PATTERN
+        How images are named inside FOLDER, like '{camera}/{frame}.tif'.
+    dark : FOLDER|FILE|LEVEL|none
+        Dark frames in FOLDER, a level in full scales, or none.
+    flat : FOLDER|FILE|LEVEL|none
+        Flat frames in FOLDER, dark taken off, or none.
+    bit_depth : N
+        Bits of integers, where files do not say.
+    channel : r|g|b|N
+        The colour to reconstruct of images in colour, or the channel of images with several.
+    bayer : ORDER
+        Images are mosaics of colour filters in this order, like RGGB.
+    length_unit : UNIT
+        Unit of the rig's lengths, like mm.
+    drop : CAMERA
+        Leave this camera out; repeatable.
+    rename : A=B
+        Name camera A B; repeatable.
+    """
+    from tomo.draw.rig.contact_sheet import contact_sheet
+    from tomo.draw.rig.thumbnails import load_thumbnails
+    from tomo.scan.propose import Request, write_proposal
+    from tomo.scan.propose.contents import THUMBNAILS
+    from tomo.scan.propose.write import check_writable
+
+    request = Request(
+        rig=rig,
+        pattern=pattern,
+        dark=_frames("dark", dark, folder),
+        flat=_frames("flat", flat, folder),
+        channel=None if channel is None else channel.lower(),
+        bayer=None if bayer is None else bayer.upper(),
+        bit_depth=bit_depth,
+        rename=_renamed(rename or ()),
+        drop=tuple(drop or ()),
+        length_unit=length_unit,
+        **_asked(box),
+    )
+    check_output_folder(folder)
+    check_writable(folder, (THUMBNAILS,), force=force)
+    found = _proposed(folder, request, may_ask=request == Request() and not json)
+    moment = found.images.moments[1].name
+    pictures = load_thumbnails(found.scan.rig, found.scan, moment, note=say)
+    sheet = contact_sheet(
+        found.scan.rig,
+        pictures,
+        found.grid,
+        f"{folder.absolute().name}, frame {moment}, and the box of voxels",
+    )
+    written = write_proposal(found, {THUMBNAILS: sheet}, force=force)
     for about, lines in found.said.items():
         for number, line in enumerate(lines):
             say(f"{'  ' if number else about.replace('_', ' ') + ': '}{line}")
@@ -195,25 +182,21 @@ def _frames(name: str, text: str | None, folder: Path) -> Any:
     return path.resolve().relative_to(folder.resolve()).as_posix()
 
 
-def _grid(
-    shape: str | None,
-    spacing: str | None,
-    center: str | None,
-    lower: str | None,
-    upper: str | None,
-) -> dict[str, Any]:
+def _asked(box: Box) -> dict[str, Any]:
     """Return what the options say of the grid: all of it, its box, or the edge of its voxels."""
-    if shape is not None or center is not None:
-        return {"grid": parse_grid(shape, spacing, center, lower, upper)}
-    if (lower is None) != (upper is None):
+    if box.grid is not None or box.center is not None:
+        return {"grid": box.voxels()}
+    if (box.lower is None) != (box.upper is None):
         raise ValueError("--lower and --upper: found one of them, expected both")
     found: dict[str, Any] = {}
-    if lower is not None and upper is not None:
-        found["box"] = parse_triple(lower, "--lower"), parse_triple(upper, "--upper")
-    if spacing is not None:
-        edges = parse_spacing(spacing)
+    if box.lower is not None and box.upper is not None:
+        found["box"] = parse_triple(box.lower, "--lower"), parse_triple(box.upper, "--upper")
+    if box.spacing is not None:
+        edges = parse_spacing(box.spacing)
         if len(set(edges)) > 1:
-            raise ValueError(f"--spacing: found {spacing}, expected one length, or --grid with it")
+            raise ValueError(
+                f"--spacing: found {box.spacing}, expected one length, or --grid with it"
+            )
         found["voxel"] = edges[0]
     return found
 

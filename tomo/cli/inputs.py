@@ -1,113 +1,199 @@
-"""Inputs that several commands take: voxel grids and rigs."""
+"""What several commands take: grids, rigs, scans and volumes; and checks of what they write."""
 
 from __future__ import annotations
 
 import math
+import os
 import re
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import typer
+from typing import TYPE_CHECKING
 
 from tomo.cli.console import say
+from tomo.draw.suffixes import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
     from rigs import Rig
     from tomo import Scan, VoxelGrid
-
-_RIG = {
-    "metavar": "RIG",
-    "help": "A rig.yaml, a preset's name, a scan, or a file of another format.",
-}
-RigArgument = Annotated[str, typer.Argument(**_RIG)]
-RigOption = Annotated[str, typer.Option("--rig", **_RIG)]
-_PANEL = {"rich_help_panel": "Voxel grid"}
-
-GridOption = Annotated[
-    str | None,
-    typer.Option(metavar="NxNxN", help="Voxels along x, y and z, like 30x140x30.", **_PANEL),
-]
-SpacingOption = Annotated[
-    str | None,
-    typer.Option(metavar="LENGTH", help="Edge lengths of a voxel: 0.5 or 0.5,0.5,1.", **_PANEL),
-]
-CenterOption = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="Center of the grid.", **_PANEL)
-]
-LowerOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X,Y,Z", help="Lower corner, in place of --spacing and --center.", **_PANEL
-    ),
-]
-UpperOption = Annotated[
-    str | None, typer.Option(metavar="X,Y,Z", help="Upper corner, with --lower.", **_PANEL)
-]
-
-LevelOption = Annotated[
-    list[float] | None,
-    typer.Option(
-        metavar="PART",
-        help="Draw a surface at this part of the largest value, like 0.4, in place of the light; "
-        "up to three.",
-    ),
-]
-ColormapOption = Annotated[
-    str, typer.Option(metavar="NAME", help="Colours of the light: a colour map of matplotlib.")
-]
-
-ScanArgument = Annotated[
-    Path | None,
-    typer.Argument(metavar="SCAN", help="A scan folder, scan.yaml or transforms.json."),
-]
-RigInsteadOption = Annotated[
-    Path | None,
-    typer.Option("--rig", metavar="FILE", help="A rig.yaml, with --images, in place of SCAN."),
-]
-ImagesOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FOLDER",
-        help="Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; "
-        "or where those of a transforms.json are.",
-    ),
-]
-
-PatternOption = Annotated[
-    str | None,
-    typer.Option(
-        metavar="PATTERN",
-        help="How the files of --images are named, where not as CAMERA/FRAME.tif, "
-        "CAMERA_FRAME.tif or CAMERA.tif: '{frame}/{camera}.png', say.",
-    ),
-]
+    from tomo.draw.emission import Looks
 
 
-VOLUME_HELP = (
-    "A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with --spacing, or .nii and "
-    ".nii.gz where nibabel is installed."
-)
+@dataclass(frozen=True)
+class Box:
+    """Where the voxels are.
+
+    Voxel grid
+    ----------
+    grid : NxNxN
+        Voxels along x, y and z, like 30x140x30.
+    spacing : LENGTH
+        Edge lengths of a voxel: 0.5 or 0.5,0.5,1.
+    center : X,Y,Z
+        Center of the grid.
+    lower : X,Y,Z
+        Lower corner, in place of --spacing and --center.
+    upper : X,Y,Z
+        Upper corner, with --lower.
+    """
+
+    grid: str | None = None
+    spacing: str | None = None
+    center: str | None = None
+    lower: str | None = None
+    upper: str | None = None
+
+    def __bool__(self) -> bool:
+        """Return whether anything was given."""
+        return self != Box()
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether it was given where the grid is."""
+        return (self.center, self.lower, self.upper) != (None, None, None)
+
+    def voxels(self, default: VoxelGrid | None = None) -> VoxelGrid:
+        """Return the grid; what was not given is taken from ``default``.
+
+        Either ``lower`` and ``upper`` with a shape, or any of shape, spacing and center.
+
+        Raises
+        ------
+        ValueError
+            Naming the option.
+        """
+        from tomo import VoxelGrid
+
+        if self.lower is not None or self.upper is not None:
+            return self._between(default)
+        if default is None and not (self.grid and self.spacing):
+            raise ValueError(
+                "--grid and --spacing: expected both, like --grid 30x140x30 --spacing 0.5, "
+                "as neither scan nor rig says where the volume is"
+            )
+        own = default or VoxelGrid((1, 1, 1), 1.0)
+        return VoxelGrid(
+            parse_grid_shape(self.grid) if self.grid else own.shape,
+            parse_spacing(self.spacing) if self.spacing else own.spacing,
+            parse_triple(self.center, "--center") if self.center else own.center,
+        )
+
+    def _between(self, default: VoxelGrid | None) -> VoxelGrid:
+        """Return the grid between two corners."""
+        from tomo import VoxelGrid
+
+        found = [
+            f"--{name}"
+            for name in ("lower", "upper", "spacing", "center")
+            if getattr(self, name) is not None
+        ]
+        if self.lower is None or self.upper is None or len(found) > 2:
+            raise ValueError(
+                f"--lower and --upper: found {', '.join(found)}, expected both, with --grid's "
+                "counts and neither --spacing nor --center"
+            )
+        counts = parse_grid_shape(self.grid) if self.grid else default and default.shape
+        if counts is None:
+            raise ValueError("--grid: found none, expected counts like 30x140x30")
+        bounds = parse_triple(self.lower, "--lower"), parse_triple(self.upper, "--upper")
+        return VoxelGrid.from_bounds(counts, *bounds)
 
 
-def named_scan(
-    scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None
-) -> Scan:
-    """Return the scan that a command's arguments name; cameras found by a pattern are said."""
-    from rigs.recordings.layout import cameras_and_frames
-    from tomo import load_scan, scan_of_images
+@dataclass(frozen=True)
+class BareArray:
+    """What a .npy does not say.
 
-    if pattern is not None and rig is None:
-        raise ValueError(f"--pattern: found {pattern!r}, expected --rig and --images with it")
-    if scan is not None and rig is None:
-        return load_scan(scan, images)
-    if scan is None and rig is not None and images is not None:
-        found = scan_of_images(rig, images, pattern)
-        if pattern is not None:
-            names = found.rig.names
-            each = {n: [f.name for f in found.frames if n in f.images] for n in names}
-            say(cameras_and_frames(each))
-        return found
-    raise ValueError("SCAN: expected either a scan, or --rig and --images together")
+    A .npy, which has no grid
+    -------------------------
+    spacing : LENGTH
+        Edge lengths of its voxels: 0.5 or 0.5,0.5,1.
+    center : X,Y,Z
+        Center of its grid; the origin if absent.
+    length_unit : UNIT
+        Unit of its lengths; mm if absent.
+    """
+
+    spacing: str | None = None
+    center: str | None = None
+    length_unit: str | None = None
+
+
+@dataclass(frozen=True)
+class Images:
+    """Images and rig, in place of a scan.
+
+    Images
+    ------
+    rig : FILE
+        A rig.yaml, with --images, in place of SCAN.
+    images : FOLDER
+        Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; or where
+        those of a transforms.json are.
+    pattern : PATTERN
+        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
+        CAMERA.tif: '{frame}/{camera}.png', say.
+    """
+
+    rig: Path | None = None
+    images: Path | None = None
+    pattern: str | None = None
+
+    def scan(self, scan: Path | None) -> Scan:
+        """Return the scan that is named, or these images; cameras that a pattern finds are said.
+
+        Raises
+        ------
+        ValueError
+            If both are given, or neither.
+        """
+        from rigs.recordings.layout import cameras_and_frames
+        from tomo import load_scan, scan_of_images
+
+        if self.pattern is not None and self.rig is None:
+            raise ValueError(
+                f"--pattern: found {self.pattern!r}, expected --rig and --images with it"
+            )
+        if scan is not None and self.rig is None:
+            return load_scan(scan, self.images)
+        if scan is None and self.rig is not None and self.images is not None:
+            found = scan_of_images(self.rig, self.images, self.pattern)
+            if self.pattern is not None:
+                names = found.rig.names
+                each = {n: [f.name for f in found.frames if n in f.images] for n in names}
+                say(cameras_and_frames(each))
+            return found
+        raise ValueError("SCAN: expected either a scan, or --rig and --images together")
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How volumes are drawn.
+
+    Parameters
+    ----------
+    level : PART
+        Draw a surface at this part of the largest value, like 0.4, in place of the light; up to
+        three.
+    colormap : NAME
+        Colours of the light: a colour map of matplotlib.
+    title : TEXT
+        Title of the picture.
+    """
+
+    level: Sequence[float] | None = None
+    colormap: str = "inferno"
+    title: str | None = None
+
+    @property
+    def looks(self) -> Looks:
+        """How light and surfaces are drawn."""
+        from tomo.draw.emission import Looks
+
+        return Looks(tuple(self.level or ()), self.colormap)
+
+    def titled(self, name: str) -> str:
+        """Return the title, that of a file if none was given."""
+        return name if self.title is None else self.title
 
 
 def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
@@ -147,74 +233,24 @@ def _numbers(text: str) -> list[float] | None:
     return numbers if all(math.isfinite(number) for number in numbers) else None
 
 
-def parse_grid(
-    shape: str | None,
-    spacing: str | None = None,
-    center: str | None = None,
-    lower: str | None = None,
-    upper: str | None = None,
-    default: VoxelGrid | None = None,
-) -> VoxelGrid:
-    """Return the grid that the options describe; what they omit is taken from ``default``.
-
-    Either ``lower`` and ``upper`` with a shape, or any of shape, spacing and center.
-    """
-    from tomo import VoxelGrid
-
-    if lower is not None or upper is not None:
-        given = {"--lower": lower, "--upper": upper, "--spacing": spacing, "--center": center}
-        found = [name for name, value in given.items() if value is not None]
-        if lower is None or upper is None or len(found) > 2:
-            raise ValueError(
-                f"--lower and --upper: found {', '.join(found)}, expected both, with --grid's "
-                "counts and neither --spacing nor --center"
-            )
-        counts = parse_grid_shape(shape) if shape else default and default.shape
-        if counts is None:
-            raise ValueError("--grid: found none, expected counts like 30x140x30")
-        bounds = parse_triple(lower, "--lower"), parse_triple(upper, "--upper")
-        return VoxelGrid.from_bounds(counts, *bounds)
-    if default is None:
-        if not shape or not spacing:
-            raise ValueError(
-                "--grid and --spacing: expected both, like --grid 30x140x30 --spacing 0.5, "
-                "as neither scan nor rig says where the volume is"
-            )
-        place = parse_triple(center, "--center") if center else (0, 0, 0)
-        return VoxelGrid(parse_grid_shape(shape), parse_spacing(spacing), place)
-    return VoxelGrid(
-        parse_grid_shape(shape) if shape else default.shape,
-        parse_spacing(spacing) if spacing else default.spacing,
-        parse_triple(center, "--center") if center else default.center,
-    )
-
-
-def read_volume_file(
-    path: str | Path,
-    spacing: str | None = None,
-    center: str | None = None,
-    length_unit: str | None = None,
-    *,
-    allow_nan: bool = False,
-) -> tuple:
-    """Return data, grid and both units of a volume; options are for a .npy, which has no grid."""
+def read_volume_file(path: Path, array: BareArray, *, allow_nan: bool = False) -> tuple:
+    """Return data, grid and both units of a volume."""
     from tomo.io import read_volume_with_unit
 
     given = {
-        "spacing": parse_spacing(spacing) if spacing else None,
-        "center": parse_triple(center, "--center") if center else None,
-        "length_unit": length_unit,
+        "spacing": parse_spacing(array.spacing) if array.spacing else None,
+        "center": parse_triple(array.center, "--center") if array.center else None,
+        "length_unit": array.length_unit,
     }
     return read_volume_with_unit(path, allow_nan=allow_nan, **given)
 
 
-def read_volume_in(
-    path: str | Path, rig: Rig, spacing: str | None = None, center: str | None = None
-) -> tuple:
+def read_volume_in(path: Path, rig: Rig, box: Box) -> tuple:
     """Return data, grid and unit of the values of a volume in a rig's unit of length."""
-    if Path(path).suffix.lower() == ".npy":
-        return *read_volume_file(path, spacing, center, rig.length_unit)[:2], ""
-    data, grid, unit, value_unit = read_volume_file(path)
+    if path.suffix.lower() == ".npy":
+        array = BareArray(box.spacing, box.center, rig.length_unit)
+        return *read_volume_file(path, array)[:2], ""
+    data, grid, unit, value_unit = read_volume_file(path, BareArray())
     if unit != rig.length_unit:
         raise ValueError(
             f"{path}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
@@ -243,3 +279,63 @@ def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
     else:
         rig = load(text)
     return rig, grid or grid_of_rig(rig)
+
+
+def check_output_folder(folder: Path) -> None:
+    """Raise unless the folder exists or can be made; remove what killed runs left in it."""
+    existing = folder.absolute()
+    while not existing.exists():
+        existing = existing.parent
+    if not existing.is_dir():
+        raise NotADirectoryError(f"{existing}: is a file, expected a folder to write into")
+    if not os.access(existing, os.W_OK | os.X_OK):
+        raise PermissionError(f"{existing}: nothing can be written there")
+    if folder.exists():
+        from rigs.files import remove_leftovers
+
+        remove_leftovers(folder)
+
+
+def check_output_file(path: Path, suffixes: Sequence[str] = ()) -> None:
+    """Raise unless a file of one of the suffixes, if any are named, can be written there."""
+    if suffixes and path.suffix.lower() not in suffixes:
+        expected = suffixes[0] if len(suffixes) == 1 else f"one of {', '.join(suffixes)}"
+        raise ValueError(f"{path}: suffix: found {path.suffix!r}, expected {expected}")
+    if path.is_dir():
+        raise IsADirectoryError(f"{path}: is a folder, expected a file to write")
+    check_output_folder(path.parent)
+
+
+def check_output_pictures(paths: Iterable[Path], *more: str) -> None:
+    """Raise unless every path is that of a picture that can be written."""
+    for path in paths:
+        check_output_file(path, (*PICTURE_SUFFIXES, *more))
+
+
+def check_output_volume(folder: Path, rig: Rig, source: object) -> None:
+    """Raise unless volumes in the unit of a rig from ``source`` can be written into the folder."""
+    check_output_folder(folder)
+    _check_length_unit(rig, source)
+
+
+def check_output_store(path: Path, rig: Rig, source: object) -> None:
+    """Raise unless a store in the unit of a rig from ``source`` can be written there."""
+    from tomo.series.layout import SUFFIX
+
+    if path.suffix != SUFFIX:
+        raise ValueError(
+            f"-o: found {str(path)!r}, expected a store like out{SUFFIX} with --frames"
+        )
+    if path.is_file():
+        raise FileExistsError(f"{path}: is a file, expected a store to write")
+    check_output_folder(path.parent)
+    _check_length_unit(rig, source)
+
+
+def _check_length_unit(rig: Rig, source: object) -> None:
+    from tomo.io.volumes import check_length_unit
+
+    try:
+        check_length_unit(rig.length_unit)
+    except ValueError as error:
+        raise ValueError(f"{source}: {error}") from None

@@ -5,38 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
-import typer
-
-from tomo.cli.console import JsonFlag, print_json, say, typed
-from tomo.cli.corrections import (
-    BayerOption,
-    BitDepthOption,
-    ChannelOption,
-    DarkOption,
-    FlatOption,
-    GainOption,
-    MaskOption,
-    SaturationOption,
-    corrected,
-)
-from tomo.cli.declared import declared_from, with_options_of
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import (
-    CenterOption,
-    GridOption,
-    ImagesOption,
-    LowerOption,
-    PatternOption,
-    RigInsteadOption,
-    ScanArgument,
-    SpacingOption,
-    UpperOption,
-    named_scan,
-    parse_grid,
-)
-from tomo.cli.outputs import check_output_volume
+from tomo.cli.console import print_json, say, typed
+from tomo.cli.corrections import Corrections
+from tomo.cli.inputs import Box, Images, check_output_store, check_output_volume
+from tomo.pipeline.checks import whole
 from tomo.pipeline.options import Options
 
 if TYPE_CHECKING:
@@ -54,89 +28,67 @@ flametomo reconstruct scan --frames 0:1000:2 -o out.zarr
 """
 
 
-@with_options_of(Options)
+FIRST = ("out", "rig", "images", "grid", "spacing", "method")
+
+
 def reconstruct(
-    out: Annotated[
-        Path,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FOLDER",
-            help="The folder to write; with --frames the store, OUT.zarr.",
-        ),
-    ],
-    scan: ScanArgument = None,
-    rig: RigInsteadOption = None,
-    images: ImagesOption = None,
+    scan: Path | None = None,
+    /,
     *,
-    grid: GridOption = None,
-    spacing: SpacingOption = None,
-    center: CenterOption = None,
-    lower: LowerOption = None,
-    upper: UpperOption = None,
-    pattern: PatternOption = None,
-    dark: DarkOption = None,
-    flat: FlatOption = None,
-    gain: GainOption = None,
-    mask: MaskOption = None,
-    saturation: SaturationOption = None,
-    bit_depth: BitDepthOption = None,
-    bayer: BayerOption = None,
-    channel: ChannelOption = None,
-    scale: Annotated[
-        int, typer.Option(help="Shrink the images by area means; in Python scan.scaled(N).", min=1)
-    ] = 1,
-    workers: Annotated[
-        int | None,
-        typer.Option(
-            metavar="N",
-            help="With --frames: solve blocks of frames in N processes of one thread each.",
-        ),
-    ] = None,
-    scheduler: Annotated[
-        str | None,
-        typer.Option(
-            metavar="ADDRESS",
-            help="With --frames: solve blocks of frames on the Dask cluster at an address like "
-            "tls://host:8786; by tcp:// everybody in its network can run programs on it.",
-        ),
-    ] = None,
-    pictures: Annotated[
-        bool, typer.Option("--pictures/--no-pictures", help="Draw the report's pictures.")
-    ] = True,
-    json: JsonFlag = False,
-    **values: Any,
+    out: Path,
+    images: Images,
+    scale: Annotated[int, whole(1)] = 1,
+    options: Options,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    box: Box,
+    corrections: Corrections,
+    pictures: bool = True,
+    json: bool = False,
 ) -> None:
     """Reconstruct the emission in every voxel from a scan's images.
 
     Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures. With --frames, a
     store of volumes (Zarr) with figures for each frame, and OUT_report.html; the same command goes
     on with one that was interrupted.
-    """
-    with bad_input_in_one_line():
-        from tomo import reconstruct as run
 
-        options = declared_from(Options, values)
-        corrections = {
-            "dark": dark, "flat": flat, "gain": gain, "mask": mask, "saturation": saturation,
-            "bit_depth": bit_depth, "bayer": bayer, "channel": channel,
-        }  # fmt: skip
-        loaded = corrected(named_scan(scan, rig, images, pattern), corrections).scaled(scale)
-        if options.frames is None:
-            for name, value in (("workers", workers), ("scheduler", scheduler)):
-                if value is not None:
-                    raise ValueError(f"--{name}: found {value}, expected it with --frames alone")
-            check_output_volume(out, loaded.rig, loaded.source)
-        given = (grid, spacing, center, lower, upper)
-        voxels = None
-        if loaded.grid is None or any(option is not None for option in given):
-            voxels = parse_grid(*given, default=loaded.grid)
-        _say_scale(loaded, voxels or loaded.grid)
-        if options.frames is not None:
-            cluster = _cluster(workers, scheduler)
-            return _series(loaded, voxels, options, out, pictures, json, cluster)
-        outcome = run(loaded, voxels, options, progress=True)
-        report = outcome.save(out, with_pictures=pictures, command=typed())
+    Parameters
+    ----------
+    scan : SCAN
+        A scan folder, scan.yaml or transforms.json.
+    out : FOLDER
+        The folder to write; with --frames the store, OUT.zarr.
+    pictures :
+        Draw the report's pictures.
+
+    Images
+    ------
+    scale : N
+        Shrink the images by area means; in Python scan.scaled(N).
+
+    Frames and films
+    ----------------
+    workers : N
+        With --frames: solve blocks of frames in N processes of one thread each.
+    scheduler : ADDRESS
+        With --frames: solve blocks of frames on the Dask cluster at an address like
+        tls://host:8786; by tcp:// everybody in its network can run programs on it.
+    """
+    from tomo import reconstruct as run
+
+    loaded = corrections.of(images.scan(scan)).scaled(scale)
+    if options.frames is None:
+        for name, value in (("workers", workers), ("scheduler", scheduler)):
+            if value is not None:
+                raise ValueError(f"--{name}: found {value}, expected it with --frames alone")
+        check_output_volume(out, loaded.rig, loaded.source)
+    voxels = box.voxels(loaded.grid) if box or loaded.grid is None else None
+    _say_scale(loaded, voxels or loaded.grid)
+    if options.frames is not None:
+        cluster = _cluster(workers, scheduler)
+        return _series(loaded, voxels, options, out, pictures, json, cluster)
+    outcome = run(loaded, voxels, options, progress=True)
+    report = outcome.save(out, with_pictures=pictures, command=typed())
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
@@ -177,7 +129,6 @@ def _series(
     cluster: AbstractContextManager | None,
 ) -> None:
     """Reconstruct frames into a store, and say what became of them."""
-    from tomo.cli.series import check_output_store, series_summary
     from tomo.report import write_series_outcome
     from tomo.series import reconstruct_series
 
@@ -187,9 +138,35 @@ def _series(
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
-    say(series_summary(report))
+    say(_series_summary(report))
     if json:
         print_json(report)
+
+
+def _series_summary(report: dict) -> str:
+    """Return a line on each of: the frames, held-out cameras, the verdict, the store."""
+    from tomo.pipeline.peak import peak_in_words, with_unit
+
+    figures = (
+        ("relative_residual", "mean relative residual {:.4g}"),
+        ("seconds_a_frame", "{:.2f} s a frame"),
+    )
+    known = [words.format(report[name]) for name, words in figures if report[name] is not None]
+    lines = [", ".join([f"{report['complete']} of {report['frames']} frames", *known])]
+    compared = {"against the truth": report["quality"]} if report["quality"] else {}
+    compared |= {f"held out {camera}": each for camera, each in report["held_out"].items()}
+    for who, figures in compared.items():
+        shown = ", ".join(
+            f"{name} {with_unit(name, f'{value:.4g}')}" for name, value in figures.items()
+        )
+        shown += f", peak {peak_in_words(report['plan']['peak'])}" if "psnr" in figures else ""
+        lines.append(f"{who}, mean: {shown}")
+    lines.append(report["verdict"]["sentence"])
+    lines.append(
+        f"open {report['page']}; {report['store']} opens with xarray.open_zarr, and flametomo "
+        "export writes it for other programs"
+    )
+    return "\n".join(lines)
 
 
 def _summary(report: dict, out: Path) -> str:

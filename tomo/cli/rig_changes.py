@@ -7,77 +7,48 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TypeVar
-
-import typer
+from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
     from rigs import Rig
     from rigs.changes import ImageChange
 
 T = TypeVar("T")
-_PANEL = {"rich_help_panel": "Changes of the rig"}
-
-KeepOption = Annotated[
-    list[str] | None,
-    typer.Option(metavar="CAMERA", help="Keep this camera only; repeatable.", **_PANEL),
-]
-DropOption = Annotated[
-    list[str] | None,
-    typer.Option(metavar="CAMERA", help="Leave this camera out; repeatable.", **_PANEL),
-]
-CropOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="X,Y,W,H",
-        help="The images were cropped: column and row of the top-left pixel, width and height. "
-        "cam00=X,Y,W,H is for one camera; repeatable.",
-        **_PANEL,
-    ),
-]
-RotateOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="DEGREES",
-        help="The images were turned clockwise by 90, 180 or 270 degrees. cam00=DEGREES is for "
-        "one camera; repeatable.",
-        **_PANEL,
-    ),
-]
-ScaleOption = Annotated[
-    list[str] | None,
-    typer.Option(
-        metavar="S",
-        help="The images were shrunk S-fold, or enlarged where S is below 1, as by --scale of "
-        "reconstruct. cam00=S is for one camera; repeatable.",
-        **_PANEL,
-    ),
-]
-RenameOption = Annotated[
-    list[str] | None, typer.Option(metavar="A=B", help="Name camera A B; repeatable.", **_PANEL)
-]
-WorldOption = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="FILE",
-        help="Move the world: a YAML file with R and t of x_new = R x + t, or the points origin, "
-        "x_axis and xy_plane, or points and what they become, or positions of cameras by name.",
-        **_PANEL,
-    ),
-]
 
 
 @dataclass(frozen=True)
 class RigChanges:
-    """What the options ask for; see `of` for the order."""
+    """What the options ask for; see `of` for the order.
+
+    Changes of the rig
+    ------------------
+    keep : CAMERA
+        Keep this camera only; repeatable.
+    drop : CAMERA
+        Leave this camera out; repeatable.
+    crop : X,Y,W,H
+        The images were cropped: column and row of the top-left pixel, width and height.
+        cam00=X,Y,W,H is for one camera; repeatable.
+    rotate : DEGREES
+        The images were turned clockwise by 90, 180 or 270 degrees. cam00=DEGREES is for one
+        camera; repeatable.
+    scale : S
+        The images were shrunk S-fold, or enlarged where S is below 1, as by --scale of
+        reconstruct. cam00=S is for one camera; repeatable.
+    world : FILE
+        Move the world: a YAML file with R and t of x_new = R x + t, or the points origin, x_axis
+        and xy_plane, or points and what they become, or positions of cameras by name.
+    rename : A=B
+        Name camera A B; repeatable.
+    """
 
     keep: Sequence[str] | None = None
     drop: Sequence[str] | None = None
     crop: Sequence[str] | None = None
     rotate: Sequence[str] | None = None
     scale: Sequence[str] | None = None
-    rename: Sequence[str] | None = None
     world: Path | None = None
+    rename: Sequence[str] | None = None
 
     def of(self, rig: Rig) -> tuple[Rig, list[str]]:
         """Return the changed rig and notes: cameras kept, images, world, then new names.

@@ -9,11 +9,8 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-import typer
-
 from tomo.cli.console import say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import PatternOption
+from tomo.pipeline.checks import whole
 
 if TYPE_CHECKING:
     from tomo import Scan
@@ -27,47 +24,44 @@ flametomo view out --no-browser --port 8090
 
 
 def view(
-    shown: Annotated[
-        str,
-        typer.Argument(
-            metavar="OUT|OUT.zarr|RIG",
-            help="What reconstruct wrote, a volume file, a rig, or a scan: a rig with images.",
-        ),
-    ],
-    scan: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="SCAN",
-            help="The scan that the volume was made from, where it is no longer where it was.",
-        ),
-    ] = None,
-    rig: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="A rig.yaml, with --images, in place of --scan."),
-    ] = None,
-    images: Annotated[
-        Path | None,
-        typer.Option(metavar="FOLDER", help="Images CAMERA/FRAME.tif, with --rig."),
-    ] = None,
-    pattern: PatternOption = None,
-    port: Annotated[
-        int, typer.Option(help="The first free port from here on is taken.", min=1, max=65535)
-    ] = 8080,
-    browser: Annotated[
-        bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")
-    ] = True,
+    shown: str,
+    /,
+    *,
+    scan: Path | None = None,
+    rig: Path | None = None,
+    images: Path | None = None,
+    pattern: str | None = None,
+    port: Annotated[int, whole(1, 65535)] = 8080,
+    browser: bool = True,
 ) -> None:
     """Show a volume with its cameras, a film or a rig in the browser.
 
     A page to turn the volume in, and to compare images with those of the volume. It comes
     from this machine alone and asks no other for anything. Ctrl-C ends it.
-    """
-    with bad_input_in_one_line():
-        known = _scan(scan, rig, images, pattern)
-        from tomo.view import Viewer, content_of
 
-        content = content_of(shown, known)
-        viewer = Viewer(content, port)
+    Parameters
+    ----------
+    shown : OUT|OUT.zarr|RIG
+        What reconstruct wrote, a volume file, a rig, or a scan: a rig with images.
+    scan : SCAN
+        The scan that the volume was made from, where it is no longer where it was.
+    rig : FILE
+        A rig.yaml, with --images, in place of --scan.
+    images : FOLDER
+        Images CAMERA/FRAME.tif, with --rig.
+    pattern : PATTERN
+        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
+        CAMERA.tif: '{frame}/{camera}.png', say.
+    port : N
+        The first free port from here on is taken.
+    browser :
+        Open the page in a browser.
+    """
+    known = _scan(scan, rig, images, pattern)
+    from tomo.view import Viewer, content_of
+
+    content = content_of(shown, known)
+    viewer = Viewer(content, port)
     for note in content.notes:
         say(f"note: {note}", "yellow")
     ends = _ends()

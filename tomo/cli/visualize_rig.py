@@ -2,28 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Any
 
-import typer
-
-from tomo.cli.console import JsonFlag, finite_or_none, print_json, say
-from tomo.cli.errors import bad_input_in_one_line
+from tomo.cli.console import finite_or_none, print_json, say
 from tomo.cli.inputs import (
-    VOLUME_HELP,
-    CenterOption,
-    ColormapOption,
-    GridOption,
-    LevelOption,
-    PatternOption,
-    RigArgument,
-    SpacingOption,
+    Box,
+    Drawing,
+    check_output_pictures,
     load_rig_and_grid,
-    parse_grid,
     read_volume_in,
 )
-from tomo.cli.outputs import check_output_pictures
 
 if TYPE_CHECKING:
     from rigs import Rig
@@ -39,82 +30,76 @@ flametomo visualize-rig rig.yaml --compare other.yaml -o both.html
 
 
 def visualize_rig(
-    rig: RigArgument,
-    out: Annotated[
-        list[Path],
-        typer.Option(
-            "--out", "-o", metavar="FILE", help="A .png, .html or .glb file to write; repeatable."
-        ),
-    ],
-    volume: Annotated[
-        Path | None, typer.Option(metavar="FILE", help=f"Shown in its place. {VOLUME_HELP}")
-    ] = None,
-    grid: GridOption = None,
-    spacing: SpacingOption = None,
-    center: CenterOption = None,
-    images: Annotated[
-        Path | None,
-        typer.Option(
-            metavar="FOLDER",
-            help="A scan or a folder CAMERA/FRAME.*, whose images .html and .glb show.",
-        ),
-    ] = None,
-    frame: Annotated[
-        str | None, typer.Option(metavar="NAME", help="Frame of the images; the first if absent.")
-    ] = None,
-    pattern: PatternOption = None,
-    compare: Annotated[
-        str | None,
-        typer.Option(metavar="RIG", help="Another rig of the same cameras, to compare with."),
-    ] = None,
-    align: Annotated[
-        bool, typer.Option(help="Align the other rig with the first by the best rigid motion.")
-    ] = True,
-    level: LevelOption = None,
-    colormap: ColormapOption = "inferno",
-    coverage: Annotated[
-        bool, typer.Option(help="Show maps of views, resolved details and pixel size in .html.")
-    ] = True,
-    title: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
-    ] = None,
-    json: JsonFlag = False,
+    rig: str,
+    /,
+    *,
+    out: Sequence[Path],
+    volume: Path | None = None,
+    images: Path | None = None,
+    frame: str | None = None,
+    pattern: str | None = None,
+    compare: str | None = None,
+    align: bool = True,
+    coverage: bool = True,
+    json: bool = False,
+    drawing: Drawing,
+    box: Box,
 ) -> None:
     """Draw a rig's cameras and the volume that they look at.
 
     PNG suits papers, HTML can be turned around with parts switched on and off, GLB opens in 3-D
     viewers.
+
+    Parameters
+    ----------
+    rig : RIG
+        A rig.yaml, a preset's name, a scan, or a file of another format.
+    out : FILE
+        A .png, .html or .glb file to write; repeatable.
+    volume : FILE
+        Shown in its place. A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with
+        --spacing, or .nii and .nii.gz where nibabel is installed.
+    images : FOLDER
+        A scan or a folder CAMERA/FRAME.*, whose images .html and .glb show.
+    frame : NAME
+        Frame of the images; the first if absent.
+    pattern : PATTERN
+        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
+        CAMERA.tif: '{frame}/{camera}.png', say.
+    compare : RIG
+        Another rig of the same cameras, to compare with.
+    align :
+        Align the other rig with the first by the best rigid motion.
+    coverage :
+        Show maps of views, resolved details and pixel size in .html.
     """
-    with bad_input_in_one_line():
-        check_output_pictures(out)
-        from tomo.draw import visualize_rig as draw
-        from tomo.draw.emission import Looks
+    check_output_pictures(out)
+    from tomo.draw import visualize_rig as draw
 
-        for option, given in (("--frame", frame), ("--pattern", pattern)):
-            if given is not None and images is None:
-                raise ValueError(f"{option}: expected --images with it")
-        loaded, own = _load(rig)
-        shown, voxels = _volume(loaded, own, volume, grid, spacing, center)
-        difference = _difference(loaded, compare, voxels, align)
-        pictures = None
-        if images is not None:
-            from tomo.draw.rig.thumbnails import load_thumbnails
+    for option, given in (("--frame", frame), ("--pattern", pattern)):
+        if given is not None and images is None:
+            raise ValueError(f"{option}: expected --images with it")
+    loaded, own = _load(rig)
+    shown, voxels = _volume(loaded, own, volume, box)
+    difference = _difference(loaded, compare, voxels, align)
+    pictures = None
+    if images is not None:
+        from tomo.draw.rig.thumbnails import load_thumbnails
 
-            pictures = load_thumbnails(loaded, images, frame, pattern, note=say)
-        looks = Looks(tuple(level or ()), colormap)
-        for path in out:
-            draw(
-                path,
-                loaded,
-                voxels,
-                volume=shown,
-                images=pictures,
-                other=difference,
-                names=(Path(rig).stem, Path(compare or "").stem),
-                coverage=coverage,
-                looks=looks,
-                title=title if title is not None else Path(rig).stem,
-            )
+        pictures = load_thumbnails(loaded, images, frame, pattern, note=say)
+    for path in out:
+        draw(
+            path,
+            loaded,
+            voxels,
+            volume=shown,
+            images=pictures,
+            other=difference,
+            names=(Path(rig).stem, Path(compare or "").stem),
+            coverage=coverage,
+            looks=drawing.looks,
+            title=drawing.titled(Path(rig).stem),
+        )
     if difference is not None:
         _say_difference(difference, loaded.length_unit)
     if json:
@@ -146,23 +131,17 @@ def _load(text: str) -> tuple[Rig, VoxelGrid | None]:
 
 
 def _volume(
-    rig: Rig,
-    default: VoxelGrid | None,
-    volume: Path | None,
-    grid: str | None,
-    spacing: str | None,
-    center: str | None,
+    rig: Rig, default: VoxelGrid | None, volume: Path | None, box: Box
 ) -> tuple[Volume | None, VoxelGrid | None]:
     """Return a volume, None without one, and the grid to draw."""
     if volume is None:
-        asked = grid or spacing or center
-        return None, parse_grid(grid, spacing, center, default=default) if asked else default
+        return None, box.voxels(default) if box else default
     from tomo.grid import Volume
 
-    is_bare = volume.suffix.lower() == ".npy"
-    if grid or (not is_bare and (spacing or center)):
+    allowed = Box(spacing=box.spacing, center=box.center)
+    if box != (allowed if volume.suffix.lower() == ".npy" else Box()):
         raise ValueError("--volume: has a grid of its own, expected no --grid with it")
-    data, own, value_unit = read_volume_in(volume, rig, spacing, center)
+    data, own, value_unit = read_volume_in(volume, rig, box)
     return Volume(data, own, rig.length_unit, value_unit), own
 
 

@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
 
-import typer
-
-from tomo.cli.console import JsonFlag, print_json
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.inputs import VOLUME_HELP, ColormapOption, LevelOption, read_volume_file
-from tomo.cli.outputs import check_output_pictures
+from tomo.cli.console import print_json
+from tomo.cli.inputs import BareArray, Drawing, check_output_pictures, read_volume_file
 from tomo.draw.suffixes import TURNING
 
 EXAMPLES = """
@@ -24,62 +20,42 @@ flametomo visualize-volume out.zarr -o film.html
 
 
 def visualize_volume(
-    volume: Annotated[Path, typer.Argument(metavar="VOLUME", help=VOLUME_HELP)],
-    out: Annotated[
-        list[Path],
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            help="A .png, .html, .glb or .gif file to write; repeatable.",
-        ),
-    ],
-    spacing: Annotated[
-        str | None,
-        typer.Option(
-            metavar="LENGTH", help="Edge lengths of a voxel of a .npy: 0.5 or 0.5,0.5,1."
-        ),
-    ] = None,
-    center: Annotated[
-        str | None,
-        typer.Option(metavar="X,Y,Z", help="Center of a .npy's grid; the origin if absent."),
-    ] = None,
-    length_unit: Annotated[
-        str | None, typer.Option(metavar="UNIT", help="Unit of a .npy's lengths; mm if absent.")
-    ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option(metavar="A:B:C", help="A slice of a store's frames, counted from 0."),
-    ] = None,
-    level: LevelOption = None,
-    colormap: ColormapOption = "inferno",
-    title: Annotated[
-        str | None, typer.Option(metavar="TEXT", help="Title of the picture.")
-    ] = None,
-    json: JsonFlag = False,
+    volume: Path,
+    /,
+    *,
+    out: Sequence[Path],
+    frames: str | None = None,
+    json: bool = False,
+    drawing: Drawing,
+    array: BareArray,
 ) -> None:
     """Draw a volume's light, its middle planes or its surfaces.
 
     PNG suits papers, HTML can be turned and cut, GLB opens surfaces in 3-D viewers, GIF turns
     once around. HTML of a store that reconstruct --frames wrote plays its film.
-    """
-    with bad_input_in_one_line():
-        check_output_pictures(out, TURNING)
-        if volume.suffix == ".zarr":
-            return _film(volume, out, frames, title, json)
-        if frames is not None:
-            raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")
-        from tomo.draw import visualize_volume as draw
-        from tomo.draw.emission import Looks
 
-        data, grid, unit, value_unit = read_volume_file(
-            volume, spacing, center, length_unit, allow_nan=True
-        )
-        heading = title if title is not None else volume.stem
-        units = {"length_unit": unit, "value_unit": value_unit}
-        looks = Looks(tuple(level or ()), colormap)
-        for path in out:
-            draw(path, data, grid, **units, title=heading, looks=looks)
+    Parameters
+    ----------
+    volume : VOLUME
+        A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with --spacing, or .nii and
+        .nii.gz where nibabel is installed.
+    out : FILE
+        A .png, .html, .glb or .gif file to write; repeatable.
+    frames : A:B:C
+        A slice of a store's frames, counted from 0.
+    """
+    check_output_pictures(out, TURNING)
+    if volume.suffix == ".zarr":
+        return _film(volume, out, frames, drawing.titled(volume.stem), json)
+    if frames is not None:
+        raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")
+    from tomo.draw import visualize_volume as draw
+
+    data, grid, unit, value_unit = read_volume_file(volume, array, allow_nan=True)
+    heading = drawing.titled(volume.stem)
+    units = {"length_unit": unit, "value_unit": value_unit}
+    for path in out:
+        draw(path, data, grid, **units, title=heading, looks=drawing.looks)
     if json:
         print_json(
             {
@@ -91,15 +67,14 @@ def visualize_volume(
         )
 
 
-def _film(store: Path, out: list[Path], frames: str | None, title: str | None, json: bool) -> None:
+def _film(store: Path, out: Sequence[Path], frames: str | None, title: str, json: bool) -> None:
     """Write pages that play the film of a store."""
     from tomo.draw import visualize_film
     from tomo.series import SeriesStore
 
     opened, numbers = SeriesStore(store), []
-    heading = title if title is not None else store.stem
     for path in out:
-        numbers = visualize_film(path, opened, frames or ":", title=heading, progress=True)
+        numbers = visualize_film(path, opened, frames or ":", title=title, progress=True)
     if json:
         print_json(
             {

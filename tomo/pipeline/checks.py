@@ -111,7 +111,7 @@ def names(*, optional: bool = False) -> Check:
 
 
 def whole(
-    lower: int,
+    lower: float = -math.inf,
     upper: int | None = None,
     upper_text: str | None = None,
     *,
@@ -132,8 +132,10 @@ def whole(
             raise ValueError
         return int(number)
 
-    bounds = f">= {lower}" if upper is None else f"from {lower} to {upper_text or upper}"
-    return Check(expected or f"a whole number {bounds}", convert, metavar="N")
+    bounds = f" >= {lower}" if lower > -math.inf else ""
+    if upper is not None:
+        bounds = f" from {lower} to {upper_text or upper}"
+    return Check(expected or f"a whole number{bounds}", convert, metavar="N")
 
 
 def number(
@@ -155,8 +157,9 @@ def number(
             raise ValueError
         return found
 
-    bound = f"above {above:g}" if above > -math.inf else f">= {lower:g}"
-    return Check(" or ".join([", ".join(words), f"a number {bound}"][not words :]), convert)
+    bound = f"a number >= {lower:g}" if lower > -math.inf else "a number"
+    bound = f"a number above {above:g}" if above > -math.inf else bound
+    return Check(" or ".join([", ".join(words), bound][not words :]), convert, metavar="X")
 
 
 def comparisons(known: Sequence[str]) -> Check:

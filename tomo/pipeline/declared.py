@@ -28,14 +28,18 @@ def option(
 class Declared:
     """The base of a frozen dataclass whose fields are declared by `option`.
 
-    Subclasses may say which names are ``gone``, with what to use in their place.
+    Attributes
+    ----------
+    gone : mapping
+        Names of earlier options, and what to use in their place.
     """
 
-    _gone: ClassVar[Mapping[str, str]] = MappingProxyType({})
+    gone: ClassVar[Mapping[str, str]] = MappingProxyType({})
 
     def __init_subclass__(cls, gone: Mapping[str, str] | None = None) -> None:
         """Keep the names that are gone."""
-        cls._gone = MappingProxyType(dict(gone or {}))
+        if gone is not None:
+            cls.gone = MappingProxyType(dict(gone))
 
     def __new__(cls, *values: Any, **named: Any) -> Self:
         """Refuse names that are unknown or gone."""
@@ -46,8 +50,8 @@ class Declared:
     @classmethod
     def check_name(cls, name: str) -> None:
         """Raise unless there is an option of that name."""
-        if name in cls._gone:
-            raise ValueError(f"{name}: found an option that is gone: {cls._gone[name]}")
+        if name in cls.gone:
+            raise ValueError(f"{name}: found an option that is gone: {cls.gone[name]}")
         known = [option.name for option in dataclasses.fields(cls)]
         if name not in known:
             raise ValueError(f"options: found {name!r}, {expected_one_of(name, known)}")

@@ -33,11 +33,15 @@ def test_the_version_is_that_of_the_distribution():
     assert run("--version").stdout == f"flametomo {config['metadata']['version']}\n"
 
 
-def test_an_unknown_verb_is_one_line():
-    done = run("reconstrukt", "scan")
+@pytest.mark.parametrize(
+    ("verb", "words"),
+    [("reconstrukt", "did you mean reconstruct?"), ("foo", "expected one of demo, simulate, ")],
+)
+def test_an_unknown_verb_is_one_line(verb, words):
+    done = run(verb, "scan")
     assert done.exit_code == 2
     (line,) = done.stderr.splitlines()
-    assert line.startswith("error: verb: found 'reconstrukt', expected one of demo, simulate, ")
+    assert line.startswith(f"error: verb: found {verb!r}, {words}")
 
 
 @pytest.mark.parametrize("verb", VERBS)

@@ -3,16 +3,19 @@
 import dataclasses
 import json
 import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Annotated
 
+import pytest
 from typer.testing import CliRunner
 
 from phantoms import create
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.cli.declared import declared_from, with_options_of
-from tomo.cli.usage import command_line
+from tomo.cli.declared import command_line
 from tomo.pipeline import Options
-from tomo.pipeline.checks import number, switch
+from tomo.pipeline.checks import number, switch, whole
 from tomo.pipeline.declared import option
 from tomo.simulation import simulate_images
 
@@ -47,28 +50,123 @@ def test_fields_help_and_settings_of_the_report_are_equal(run_tool, tmp_path):
     assert "data:image/png" not in (out / "report.html").read_text("utf-8")
 
 
-def test_a_new_option_touches_one_declaration():
-    @dataclasses.dataclass(frozen=True)
-    class More(Options):
-        strength_of_new: float | None = option(
-            None, "A new prior's strength.", number(above=0, optional=True), metavar="STRENGTH"
-        )
-        is_new: bool = option(True, "Whether it is new.", switch(), topic="New")
+def test_the_help_begins_with_six_options_and_sorts_the_rest_by_topic(run_tool):
+    text = run_tool("reconstruct", "--help").stdout
+    first, rest = text.split("\nOptions:\n")[1].split("\n\n", 1)
+    assert names_in(first) == ["out", "rig", "images", "grid", "spacing", "method", "help"]
+    titles = re.findall(r"^(\w.*):$", rest, re.MULTILINE)
+    assert {field.metadata["topic"] for field in dataclasses.fields(Options)[1:]} < set(titles)
+    assert len(titles) == len(set(titles))
 
-    found = []
 
-    @with_options_of(More)
-    def command(**values):
-        found.append(declared_from(More, values))
+@dataclasses.dataclass(frozen=True)
+class More(Options):
+    strength_of_new: float | None = option(
+        None, "A new prior's strength.", number(above=0, optional=True), metavar="STRENGTH"
+    )
+    is_new: bool = option(True, "Whether it is new.", switch(), topic="New")
 
-    app = command_line(command, "more")
-    text = CliRunner().invoke(app, ["--help"]).stdout
+
+@dataclasses.dataclass(frozen=True)
+class Place:
+    """Where.
+
+    A place
+    -------
+    place_of : X,Y
+        Where it is,
+        in two lines.
+    """
+
+    place_of: str | None = None
+
+
+FOUND = []
+
+
+def command(
+    thing: Path,
+    /,
+    *,
+    out: Path,
+    count: Annotated[int, whole(1, 9)] = 3,
+    size: float | None = None,
+    draws: bool = True,
+    force: bool = False,
+    levels: Sequence[float] | None = None,
+    from_: str = "here",
+    options: More,
+    place: Place,
+) -> None:
+    """Do a thing.
+
+    More of it.
+
+    Parameters
+    ----------
+    thing : THING
+        What is done.
+    count : N
+        How often.
+    """
+    FOUND.append((thing, out, count, size, draws, force, levels, from_, options, place))
+
+
+def run(*arguments):
+    FOUND.clear()
+    return CliRunner().invoke(command_line(command, "more"), [*arguments])
+
+
+def test_the_help_is_of_signature_and_docstrings():
+    text = run("--help").stdout
+    assert text.startswith("Usage: more [OPTIONS] THING\n\n  Do a thing.\n\n  More of it.\n")
+    assert "Parameters" not in text
+    assert re.search(r"^  THING  What is done\.", text, re.MULTILINE)
+    assert re.search(r"--count N +How often\.  \[default: 3\]", text)
+    flags = ("-o, --out FILE", "--draws / --no-draws", "--force", "--levels X", "--from TEXT")
+    assert all(one in text for one in flags)
+    assert "\nA place:\n  --place-of X,Y  Where it is, in two lines.\n" in text
     assert "--strength-of-new STRENGTH" in text
-    assert "--is-new / --no-is-new" in text
+    assert re.search(r"^New:\n  --is-new / --no-is-new", text, re.MULTILINE)
+
+
+def test_the_function_gets_values_and_groups():
     arguments = ["--strength-of-new", "2.5", "--no-is-new", "--hold-out", "a", "--hold-out", "b"]
-    assert CliRunner().invoke(app, arguments).exit_code == 0
-    assert CliRunner().invoke(app, []).exit_code == 0
-    assert found[0] == More(strength_of_new=2.5, is_new=False, hold_out=("a", "b"))
-    assert found[1] == More()
-    failed = CliRunner().invoke(app, ["--strength-of-new", "-1"])
-    assert str(failed.exception) == "--strength-of-new: found '-1', expected a number above 0"
+    assert run("a", "-o", "b", *arguments).exit_code == 0
+    assert [
+        (
+            Path("a"), Path("b"), 3, None, True, False, None, "here",
+            More(strength_of_new=2.5, is_new=False, hold_out=("a", "b")), Place(),
+        )
+    ] == FOUND  # fmt: skip
+    more = ("--count", "9", "--size", "-1e3", "--no-draws", "--force", "--levels", "1")
+    more += ("--levels", "2", "--from", "there", "--place-of", "1,2")
+    assert run("a", "-o", "b", *more).exit_code == 0
+    asked = (9, -1000.0, False, True, [1.0, 2.0], "there", More(), Place("1,2"))
+    assert [(Path("a"), Path("b"), *asked)] == FOUND
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ((), "THING: missing, expected: What is done"),
+        (("a",), "--out: missing, expected: a value"),
+        (("", "-o", "b"), "THING: found '', expected a path"),
+        (("a", "-o", ""), "--out: found '', expected a path"),
+        (("a", "-o", "b", "--count", "10"), "--count: found '10', expected a whole number from 1"),
+        (("a", "-o", "b", "--count", "x"), "--count: found 'x', expected a whole number from 1"),
+        (("a", "-o", "b", "--size", "nan"), "--size: found 'nan', expected a number"),
+        (("a", "-o", "b", "--levels", "1", "--levels", "x"), "--levels: found 'x', expected a n"),
+        (("a", "-o", "b", "--strength-of-new", "-1"), "--strength-of-new: found '-1', expected a"),
+        (("a", "-o", "b", "--metod", "tv"), "--metod: no such option, did you mean --method?"),
+        (("a", "-o", "b", "--qqq"), "--qqq: no such option; see"),
+        (("a", "-o", "b", "--no-align"), "--no-align: found an option that is gone: --refine-cam"),
+        (("a", "-o", "b", "--method", "tvv"), "--method: found 'tvv', did you mean tv?"),
+    ],
+)
+def test_what_is_wrong_is_one_line(arguments, words):
+    done = run(*arguments)
+    assert done.exit_code == 2
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"error: {words}")
+    assert not FOUND

@@ -102,7 +102,7 @@ MOMENTS = {
         """,
     "where errors are printed, and made others": """
         def app():
-            from tomo.cli.errors import bad_input_in_one_line
+            from tomo.cli.console import bad_input_in_one_line
 
             with bad_input_in_one_line():
                 try:

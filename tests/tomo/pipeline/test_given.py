@@ -7,7 +7,7 @@ import phantoms
 import tomo
 from rigs import ring, save_rig
 from rigs.recordings import write_image
-from tomo.cli.errors import _with_options
+from tomo.cli.console import _with_options
 
 GRID = tomo.VoxelGrid((6, 8, 6), 1.0)
 RIG = ring(5, distance=150.0, image_size=(16, 20), footprint=0.7)

@@ -12,10 +12,9 @@ from typing import Annotated, Any
 import typer
 
 from rigs.progress import progress_of
-from tomo.cli.console import print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.outputs import check_output_folder
-from tomo.cli.usage import command_line
+from tomo.cli.console import bad_input_in_one_line, print_json, say
+from tomo.cli.declared import command_line
+from tomo.cli.inputs import check_output_folder
 
 Progress = Callable[[int, int, str], None]
 """``progress(done, total, what)``."""

@@ -19,9 +19,8 @@ from studies.paper.claims import CLAIMS
 from studies.paper.pictures import draw, pictures_of
 from studies.paper.rows import HALF, PARTS, READING_EPOCHS, ROWS, TINY, Row
 from studies.paper.training import measured_row
-from tomo.cli.console import print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.outputs import check_output_folder
+from tomo.cli.console import bad_input_in_one_line, print_json, say
+from tomo.cli.inputs import check_output_folder
 from tomo.report.about import commit
 
 VERSION = 4

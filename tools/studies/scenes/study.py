@@ -22,10 +22,9 @@ from studies.scenes.patches import parsed, patched
 from studies.scenes.processes import MOST
 from studies.scenes.recipe import HALVES
 from tomo import Options
-from tomo.cli.console import say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.outputs import check_output_folder
-from tomo.cli.usage import command_line
+from tomo.cli.console import bad_input_in_one_line, say
+from tomo.cli.declared import command_line
+from tomo.cli.inputs import check_output_folder
 
 JUDGE = "judge"
 PARTS = JUDGE, "accuracy", "ablation", "resolution", "intervals", "learned"
