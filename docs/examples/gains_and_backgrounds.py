@@ -33,7 +33,7 @@ images = {name: image + light for name, image, light in images}
 scan = tomo.Scan.from_arrays(rig, images, grid, truth=dark_room.truth)
 
 volumes, titles = [scan.truth], ["truth"]
-plain = {"screen": False, "align": False, "uncertainty": 0}
+plain = {"screen": False, "refine_cameras": "none", "uncertainty": 0}
 for name, fit in (("ignored", False), ("fitted", True)):
     result = tomo.reconstruct(scan, options=tomo.Options(fit_gain=fit, **plain))
     volumes.append(result.volume)

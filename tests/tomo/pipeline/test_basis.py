@@ -139,7 +139,12 @@ def test_pixels_too_fine_for_their_worth_take_the_voxel_basis(take):
 
 
 def test_on_the_fly_takes_the_voxel_basis_and_the_linear_one_when_asked(small):
-    settings = {"method": "sirt", "iterations": 5, "projector": "on-the-fly", "align": False}
+    settings = {
+        "method": "sirt",
+        "iterations": 5,
+        "projector": "on-the-fly",
+        "refine_cameras": "none",
+    }
     assert basis(reconstruct(small, options=Options(**settings))) == "voxel"
     found = [
         reconstruct(
@@ -161,7 +166,7 @@ def test_many_views_that_teach_nothing_end_in_the_linear_basis(small, classic):
 def test_weights_are_learned_in_the_linear_basis(take):
     scan = take(grid=GRID, effects=Effects(gain_spread=0.1), seed=3)
     # weights alone say what is wrong
-    given = {"screen": False, "align": False}
+    given = {"screen": False, "refine_cameras": "none"}
     given |= {"hold_out": ["cam03"], **QUICK}
     settings = {"method": "wernet", "compare": ["sirt:20"], **given}
     found, boxes = (

@@ -145,7 +145,7 @@ def test_steps_of_effects_are_the_same(steps_in, scale):
 
 def learned(scan, folder):
     # weights alone say what is wrong
-    as_given = {"screen": False, "align": False, "fit_absorption": False}
+    as_given = {"screen": False, "refine_cameras": "none", "fit_absorption": False}
     options = Options(method="wernet", iterations=1, **as_given)
     return reconstruct(load_scan(scan.save(folder)), options=options)
 

@@ -108,7 +108,12 @@ def test_simulation_agrees_and_comes_back_from_disk(rig, made, tmp_path):
 def test_reconstructions_agree(rig, made, tmp_path, method):
     made.save(tmp_path)
     scan = load_scan(tmp_path)
-    options = {"method": method, "iterations": 8, "hold_out": [rig.names[1]], "align": False}
+    options = {
+        "method": method,
+        "iterations": 8,
+        "hold_out": [rig.names[1]],
+        "refine_cameras": "none",
+    }
     expected = reconstruct(scan, options=Options(**options))
     found = reconstruct(replace(scan, rig=tables(rig)), options=Options(**options))
     volumes = [outcome.volume for outcome in (expected, found)]
@@ -120,7 +125,7 @@ def test_reconstructions_agree(rig, made, tmp_path, method):
 def test_shrunk_images_take_shrunk_tables(rig, made, tmp_path):
     made.save(tmp_path)
     scan = load_scan(tmp_path)
-    options = {"method": "cgls", "iterations": 5, "align": False}
+    options = {"method": "cgls", "iterations": 5, "refine_cameras": "none"}
     expected = reconstruct(scan.scaled(2), options=Options(**options)).volume
     found = reconstruct(replace(scan, rig=tables(rig)).scaled(2), options=Options(**options))
     assert cosine_distance(found.volume, expected) < 1e-4

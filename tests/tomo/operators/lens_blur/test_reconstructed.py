@@ -67,7 +67,12 @@ def test_wernet_sees_through_a_disc(scans, out_of_focus):
 
 @pytest.mark.parametrize(("method", "projector"), [("auto", "stored"), ("sirt", "on-the-fly")])
 def test_others_see_through_a_disc_that_is_given(scans, out_of_focus, method, projector):
-    settings = {"method": method, "projector": projector, "align": False, "uncertainty": 0}
+    settings = {
+        "method": method,
+        "projector": projector,
+        "refine_cameras": "none",
+        "uncertainty": 0,
+    }
     aware = reconstruct(scans[0], options=Options(**settings, blur=out_of_focus.blur))
     unaware = reconstruct(scans[0], options=Options(**settings))
     assert distance(aware) < 0.75 * distance(unaware)
