@@ -50,8 +50,6 @@ def check_rig(
 
     Parameters
     ----------
-    rig : RIG
-        A rig.yaml, a preset's name, a scan, or a file of another format.
     pixel_accuracy : X
         RMS error of a line of sight in pixels, for cameras without a calibration; 0.2 is assumed
         where it is not given.
@@ -66,9 +64,6 @@ def check_rig(
         each camera the images of a flame of the box's size would tell.
     images : FOLDER
         A scan or a folder of images to show in the page.
-    pattern : PATTERN
-        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
-        CAMERA.tif: '{frame}/{camera}.png', say.
     """
     out = out or []
     check_output_pictures(out)

@@ -30,7 +30,19 @@ OTHERS = "More options"
 
 _Said = tuple[str, str, str | None]  # metavar, help, section
 _NONE = inspect.Parameter.empty
-_SAID = {"json": ("", "Print one JSON object on stdout.")}
+_SAID = {
+    "json": ("", "Print one JSON object on stdout."),
+    "out": ("FOLDER", "The folder to write."),
+    "scan": ("SCAN", "A scan folder, scan.yaml or transforms.json."),
+    "rig": ("RIG", "A rig.yaml, a preset's name, a scan, or a file of another format."),
+    "pattern": (
+        "PATTERN",
+        "How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or "
+        "CAMERA.tif: '{frame}/{camera}.png', say.",
+    ),
+}
+"""Metavar and help of what means the same in several commands."""
+
 _TITLE = re.compile(r"^(\S.*)\n-{3,}\n", re.MULTILINE)
 _ENTRY = re.compile(r"^(\w+) : *(.*)\n((?:(?:    .*)?(?:\n|\Z))*)", re.MULTILINE)
 

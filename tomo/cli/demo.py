@@ -24,11 +24,6 @@ def demo(*, out: Path = Path("out/demo")) -> None:
     Runs three other verbs and prints each command. 33 cameras look at the flame. Its images are
     simulated with 2 x 2 rays per pixel and voxels half as wide as those reconstructed, so that
     the reconstruction does not rely on the discretisation of the simulation.
-
-    Parameters
-    ----------
-    out : FOLDER
-        The folder to write.
     """
     scan = out / "scan"
     say(

@@ -43,10 +43,6 @@ def hull(
 
     Parameters
     ----------
-    scan : SCAN
-        A scan folder, scan.yaml or transforms.json.
-    out : FOLDER
-        The folder to write.
     frame : FRAME
         The moment; the first by default.
     threshold : LEVEL

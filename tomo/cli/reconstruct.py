@@ -54,8 +54,6 @@ def reconstruct(
 
     Parameters
     ----------
-    scan : SCAN
-        A scan folder, scan.yaml or transforms.json.
     out : FOLDER
         The folder to write; with --frames the store, OUT.zarr.
     pictures :

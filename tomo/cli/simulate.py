@@ -61,8 +61,6 @@ def simulate(
 
     Parameters
     ----------
-    rig : RIG
-        A rig.yaml, a preset's name, a scan, or a file of another format.
     phantom : NAME
         A phantom's name, or a file. A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy
         with --spacing, or .nii and .nii.gz where nibabel is installed.

@@ -49,9 +49,6 @@ def view(
         A rig.yaml, with --images, in place of --scan.
     images : FOLDER
         Images CAMERA/FRAME.tif, with --rig.
-    pattern : PATTERN
-        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
-        CAMERA.tif: '{frame}/{camera}.png', say.
     port : N
         The first free port from here on is taken.
     browser :

@@ -52,8 +52,6 @@ def visualize_rig(
 
     Parameters
     ----------
-    rig : RIG
-        A rig.yaml, a preset's name, a scan, or a file of another format.
     out : FILE
         A .png, .html or .glb file to write; repeatable.
     volume : FILE
@@ -63,9 +61,6 @@ def visualize_rig(
         A scan or a folder CAMERA/FRAME.*, whose images .html and .glb show.
     frame : NAME
         Frame of the images; the first if absent.
-    pattern : PATTERN
-        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
-        CAMERA.tif: '{frame}/{camera}.png', say.
     compare : RIG
         Another rig of the same cameras, to compare with.
     align :

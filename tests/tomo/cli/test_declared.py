@@ -123,7 +123,7 @@ def test_the_help_is_of_signature_and_docstrings():
     assert "Parameters" not in text
     assert re.search(r"^  THING  What is done\.", text, re.MULTILINE)
     assert re.search(r"--count N +How often\.  \[default: 3\]", text)
-    flags = ("-o, --out FILE", "--draws / --no-draws", "--force", "--levels X", "--from TEXT")
+    flags = ("-o, --out FOLDER", "--draws / --no-draws", "--force", "--levels X", "--from TEXT")
     assert all(one in text for one in flags)
     assert "\nA place:\n  --place-of X,Y  Where it is, in two lines.\n" in text
     assert "--strength-of-new STRENGTH" in text
@@ -150,7 +150,7 @@ def test_the_function_gets_values_and_groups():
     ("arguments", "words"),
     [
         ((), "THING: missing, expected: What is done"),
-        (("a",), "--out: missing, expected: a value"),
+        (("a",), "--out: missing, expected: The folder to write"),
         (("", "-o", "b"), "THING: found '', expected a path"),
         (("a", "-o", ""), "--out: found '', expected a path"),
         (("a", "-o", "b", "--count", "10"), "--count: found '10', expected a whole number from 1"),
