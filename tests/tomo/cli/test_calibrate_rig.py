@@ -334,8 +334,6 @@ def test_images_that_do_not_belong_are_named_and_left_out(run_tool, images, tmp_
 OPTIONS = {
     "target": ((), "cuboid:3", "target: found 'cuboid:3', expected one of"),
     "suffix": (("-o", "rig.txt"), TARGET, "rig.txt: suffix: found '.txt', expected .yaml"),
-    "model": (("--model", "foo"), TARGET, "found 'foo', expected one of auto, none, radial"),
-    "world": (("--world", "cam77"), TARGET, "cam77"),
     "world file": (("--world", "none.yaml"), TARGET, "none.yaml: no such file"),
     "intrinsics": (("--intrinsics", "none.yaml"), TARGET, "none.yaml"),
     "grid": (("--grid", "3x4"), TARGET, "--grid"),
@@ -475,12 +473,6 @@ LENSES = {
         ("--intrinsics", "lab.yaml", "--intrinsics", "cam00=a", "--intrinsics", "cam01=b",
          "--square-pixels"),
         "intrinsics: found square_pixels too",
-    ),
-    "unknown": (("--common-lens", "cam00,left"), "common_lens: found 'left', expected names"),
-    "alone": (("--common-lens", "cam00"), "common_lens: found cam00 alone"),
-    "twice": (
-        ("--common-lens", "cam00,cam01", "--common-lens", "cam01,cam02"),
-        "common_lens: found camera cam01 twice",
     ),
 }  # fmt: skip
 

@@ -95,9 +95,6 @@ def test_a_store_is_drawn_as_a_page_that_plays(made, run_tool, tmp_path):
     [
         (["--frames", "0:9", "-o", "out.zarr"], "frames: found '0:9', expected numbers up to 5"),
         (["--frames", ":", "-o", "out"], "-o: found"),
-        (["--frames", ":", "--frame", "3", "-o", "out.zarr"], "frame: found '3' with frames"),
-        (["--frames", ":", "--compare", "mlem", "-o", "out.zarr"], "compare: found"),
-        (["--frames", ":", "--key-frames", "0", "-o", "out.zarr"], "--key-frames: found '0'"),
         (["--frames", ":", "--workers", "0", "-o", "out.zarr"], "workers: found 0, expected"),
         (["--workers", "2", "-o", "out"], "--workers: found 2, expected it with --frames"),
     ],

@@ -50,7 +50,6 @@ def test_the_line_names_the_option_what_was_found_and_expected(run_tool, argumen
                     "world: found 'c', expected the name of a camera",
                 ),
                 (("--rescale",), "rescale: found True, expected world to give positions"),
-                (("--intrinsics", "paper11_11deg"), "--intrinsics: camera a: not in"),
                 (("--cache", "{}/folder"), "folder: is a folder, expected a file to write"),
             )
         ),
