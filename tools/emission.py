@@ -14,7 +14,7 @@ def app() -> typer.Typer:
     """Return the command line; it imports libraries once signals are handled."""
     from studies.emission import study
 
-    from tomo.cli.usage import command_line
+    from tomo.cli.declared import command_line
 
     return command_line(study.run, "emission", help="Error against run time on known emissions.")
 

@@ -23,9 +23,8 @@ from studies.emission.scenes import GRID, QUICK, SCENES, TINY_GRID, VERSION, see
 from studies.emission.tables import figure_of, tables_of
 from studies.scenes.processes import MOST, at_work, warm_up
 from tomo import VoxelGrid
-from tomo.cli.console import print_json, say
-from tomo.cli.errors import bad_input_in_one_line
-from tomo.cli.outputs import check_output_file, check_output_folder
+from tomo.cli.console import bad_input_in_one_line, print_json, say
+from tomo.cli.inputs import check_output_file, check_output_folder
 
 PART = "scenes"
 SIZES = {"full": (GRID, tuple(SCENES)), "quick": (GRID, QUICK), "tiny": (TINY_GRID, QUICK[:1])}
