@@ -31,6 +31,9 @@ PAUSE = 10.0
 _OBEYED = ("Cc", "Cf", "Zl", "Zp")
 """Kinds of characters that terminals obey: controls, marks of direction, breaks of lines."""
 
+WHOLE = "whole"
+"""The step that tells of all stages together, in tenths of seconds: spent, and spent and left."""
+
 FRAMES = "frames"
 """The name of a bar that counts frames: it says their rate."""
 
@@ -74,7 +77,7 @@ def staged(progress: Progress | None) -> Callable[[str], Progress | None]:
     --------
     >>> stage = staged(lambda done, total, where: print(done, total, where))
     >>> tell = stage("tracing")
-    0 0 plan: tracing
+    0 1 plan: tracing
     >>> tell(1, 5, "cam01")
     1 5 plan: tracing: cam01
     """
@@ -82,7 +85,7 @@ def staged(progress: Progress | None) -> Callable[[str], Progress | None]:
     def begin(name: str) -> Progress | None:
         if progress is None:
             return None
-        progress(0, 0, f"{STAGE}{name}")
+        progress(0, 1, f"{STAGE}{name}")
 
         def tell(done: int, total: int, where: str) -> None:
             progress(done, total, f"{STAGE}{name}: {where}")
@@ -138,10 +141,13 @@ def _lines(name: str) -> Iterator[Progress]:
     """Print a line when a stage begins, and then how far it is, at most one in `PAUSE` seconds."""
     began = last = time.monotonic()
     current: str | None = None
-    parts = 0
+    parts, whole = 0, ""
 
     def show(done: int, total: int, step: str = "") -> None:
-        nonlocal current, last, parts
+        nonlocal current, last, parts, whole
+        if step == WHOLE:
+            whole = f" ({_left(done, total)})"
+            return
         stage, step = stage_of(step)
         now, parts = time.monotonic(), 0 if stage else done
         if stage == current and now - last < PAUSE:
@@ -149,7 +155,7 @@ def _lines(name: str) -> Iterator[Progress]:
         is_new, current, last = stage != current, stage, now
         share = f"{done / total:.0%}" if total else ""
         words = [part for part in (stage, "" if stage and is_new else share, step) if part]
-        say(f"{name} {clock(now - began)}: {', '.join(words) or 'at work'}")
+        say(f"{name} {clock(now - began)}{whole}: {', '.join(words) or 'at work'}")
 
     def say(line: str) -> None:
         stderr().print(line, markup=False, highlight=False, soft_wrap=True)
@@ -173,8 +179,15 @@ def _bar(name: str) -> Iterator[Progress]:
         TextColumn("{task.fields[step]}"),
     )
     with Bars(*columns, console=stderr(), speed_estimate_period=60) as bars:
-        waiting = bars.add_task(name, total=None, step="", staged=False)
         lines: dict[str, TaskID] = {}
+        whole: dict[str, TaskID] = {}  # the line of all stages together: one at most, the last
+
+        def show_whole(done: int, total: float | None) -> None:
+            for old in whole.values():
+                bars.remove_task(old)
+            whole[name] = bars.add_task(name, completed=done, total=total, step="", kind=WHOLE)
+
+        show_whole(0, None)
 
         def end_last() -> None:
             for last in [*lines.values()][-1:]:
@@ -182,17 +195,33 @@ def _bar(name: str) -> Iterator[Progress]:
                 bars.stop_task(last)
 
         def show(done: int, total: int, step: str = "") -> None:
+            if step == WHOLE:
+                return show_whole(done, total)
             stage, step = stage_of(step)
             if (line := stage or name) not in lines:
                 end_last()
-                if not lines:  # the first line takes the place of the one that waits for it
-                    bars.remove_task(waiting)
-                lines[line] = bars.add_task(line, total=None, step="", staged=bool(stage))
+                kind = STAGE if stage else ""
+                lines[line] = bars.add_task(line, total=None, step="", kind=kind)
+                for old in list(whole.values()):
+                    known = next(task for task in bars.tasks if task.id == old)
+                    if known.total:  # it comes below the stages
+                        show_whole(int(known.completed), known.total)
+                    else:  # the first line takes the place of the one that waits for it
+                        bars.remove_task(whole.pop(name))
             bars.update(lines[line], completed=done, total=total or None, step=step)
 
         yield show
         if name not in lines:
             end_last()
+
+
+def _left(done: float, total: float) -> str:
+    """Return how far the whole is, of tenths of seconds.
+
+    >>> _left(30, 120)
+    '25 %, 0:09 left'
+    """
+    return f"{done / max(total, 1):.0%}, {clock((total - done) / 10)} left".replace("%", " %", 1)
 
 
 def _pace() -> ProgressColumn:
@@ -204,8 +233,10 @@ def _pace() -> ProgressColumn:
         def render(self, task: Task) -> Text:
             left = task.time_remaining
             words = "" if left is None else f", {clock(left)} left"
-            if task.fields["staged"]:
-                return Text(f"{task.elapsed or 0:.1f} s")
+            if task.fields["kind"] == WHOLE:
+                return Text(_left(task.completed, task.total) if task.total else "")
+            if task.fields["kind"] == STAGE:
+                return Text(f"{task.percentage:3.0f} %, {task.elapsed or 0:.1f} s")
             if task.description != FRAMES:
                 return Text(f"{task.percentage:3.0f} %{words}" if task.total else "")
             if task.finished:

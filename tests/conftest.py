@@ -1,8 +1,10 @@
+import contextlib
 import importlib.util
 import os
 import sys
 import time
 import tracemalloc
+from concurrent.futures import Future
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -111,19 +113,34 @@ def on_threads():
     return number_of_threads
 
 
+class ArtistHere(contextlib.nullcontext):
+    """In place of `tomo.report.Artist`: calls functions at once, in this process."""
+
+    def __enter__(self):
+        return self
+
+    def ask(self, function, *values, then=lambda found: None):
+        done = Future()
+        done.set_result(function(*values))
+        then(done.result())
+        return done
+
+
 @pytest.fixture(scope="session")
 def run_tool():
     """Return a function that runs ``flametomo VERB`` or ``tools/NAME.py`` in this process.
 
     ``run_tool("simulate", "--rig", path)`` returns exit_code, stdout and stderr; scenes are drawn
-    with one ray a pixel, see `one_ray_a_pixel`.
+    with one ray a pixel, see `one_ray_a_pixel`, and in this process, which has loaded its
+    libraries.
     """
     from tomo.cli.app import VERBS, app
 
     sys.path.append(str(ROOT / "tools"))
 
     def run(name, *arguments):
-        with one_ray_a_pixel():
+        with one_ray_a_pixel(), pytest.MonkeyPatch.context() as patch:
+            patch.setattr("tomo.report.Artist", ArtistHere)
             if (verb := name.replace("_", "-")) in VERBS:
                 return CliRunner().invoke(app, [verb, *map(str, arguments)])
             spec = importlib.util.spec_from_file_location(

@@ -12,6 +12,7 @@ The nouns:
   reference.
 - `Reconstruction`: what `reconstruct` returns: ``volume``, ``answer``, ``report()``,
   ``save(folder)``, ``to_xarray()``. A notebook shows it.
+- `preview`: a coarse one in seconds, by `Options.quick`.
 - `SeriesStore`: the volumes of a film, by `reconstruct_series`; `export_series` writes them for
   other programs.
 - `tomo.draw`: ``visualize_rig``, ``visualize_volume``, ``visualize_check``, ``visualize_film``.
@@ -64,7 +65,7 @@ __getattr__, __dir__, __all__ = attach(
         "export": ["export_series"],
         "grid": ["ActiveVoxels", "Volume", "VoxelGrid", "mean_and_rms"],
         "operators": ["LinearSystem", "Projector", "GaussianBasis", "dot_test"],
-        "pipeline": ["Options", "Reconstruction", "reconstruct"],
+        "pipeline": ["Options", "Reconstruction", "preview", "reconstruct"],
         "rays": ["Rays"],
         "scan": ["Corrections", "Frame", "Scan", "load_scan", "save_scan", "scan_of_images"],
         "series": ["SeriesStore", "reconstruct_series"],

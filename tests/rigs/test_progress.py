@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 import rigs.progress
-from rigs.progress import FRAMES, clock, progress_of, stage_of, staged
+from rigs.progress import FRAMES, WHOLE, clock, progress_of, stage_of, staged
 
 
 def shown(monkeypatch, name, calls, **how):
@@ -86,6 +86,30 @@ def test_without_a_terminal_each_stage_has_a_line_and_few_more(monkeypatch):
         "reconstruct 0:20: choosing, 38%, setting 3",
         "reconstruct 0:32: choosing, 75%, setting 6",
     ]
+
+
+def test_the_whole_is_told_below_its_stages(monkeypatch):
+    calls = [
+        (0, 1, "plan: tracing"),
+        (20, 80, WHOLE),
+        (0, 1, "plan: solve"),
+        (1, 4, "plan: solve: 5"),
+        (50, 100, WHOLE),
+    ]
+    first, second, last = lines_of(shown(monkeypatch, "reconstruct", calls, **TERMINAL))[-3:]
+    assert first.startswith("tracing")
+    assert "100 %" in first
+    assert second.startswith("solve")  # it is over, as all is
+    assert "100 %" in second
+    assert last.startswith("reconstruct")
+    assert "50 %, 0:05 left" in last
+
+
+def test_without_a_terminal_each_line_tells_of_the_whole(monkeypatch):
+    calls = [(0, 1, "plan: tracing"), (20, 80, WHOLE), (0, 1, "plan: solve")]
+    first, last = shown(monkeypatch, "reconstruct", calls).splitlines()
+    assert first == "reconstruct 0:00: tracing"
+    assert last == "reconstruct 0:00 (25 %, 0:06 left): solve"
 
 
 def test_a_bar_goes_to_stderr(capsys):

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from contextlib import AbstractContextManager
+from collections.abc import Iterable, Iterator
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
+from rigs.progress import progress_of, staged
 from tomo.cli.console import print_json, say, typed
 from tomo.cli.corrections import Corrections
 from tomo.cli.inputs import Box, Images, check_output_store, check_output_volume
+from tomo.cli.stopping import keep
 from tomo.pipeline.checks import whole
 from tomo.pipeline.options import Options
 
 if TYPE_CHECKING:
     from tomo import Scan, VoxelGrid
+    from tomo.report import Ahead
 
 EXAMPLES = """
 flametomo reconstruct scan -o out
@@ -43,12 +46,14 @@ def reconstruct(
     scheduler: str | None = None,
     box: Box,
     corrections: Corrections,
+    preview: bool = False,
     pictures: bool = True,
     json: bool = False,
 ) -> None:
     """Reconstruct the emission in every voxel from a scan's images.
 
-    Writes the volume (.npz, .vti, .nrrd), report.html, report.json and pictures. With --frames, a
+    Writes a preview first and then the volume (.npz, .vti, .nrrd), report.html, report.json and
+    pictures; interrupted, it leaves what it has said to be complete. With --frames, a
     store of volumes (Zarr) with figures for each frame, and OUT_report.html; the same command goes
     on with one that was interrupted.
 
@@ -56,6 +61,8 @@ def reconstruct(
     ----------
     out : FOLDER
         The folder to write; with --frames the store, OUT.zarr.
+    preview :
+        Stop at the preview: a coarse volume and its picture, in seconds.
     pictures :
         Draw the report's pictures.
 
@@ -72,8 +79,6 @@ def reconstruct(
         With --frames: solve blocks of frames on the Dask cluster at an address like
         tls://host:8786; by tcp:// everybody in its network can run programs on it.
     """
-    from tomo import reconstruct as run
-
     loaded = corrections.of(images.scan(scan)).scaled(scale)
     if options.frames is None:
         for name, value in (("workers", workers), ("scheduler", scheduler)):
@@ -83,16 +88,53 @@ def reconstruct(
     voxels = box.voxels(loaded.grid) if box or loaded.grid is None else None
     _say_scale(loaded, voxels or loaded.grid)
     if options.frames is not None:
+        if preview:
+            raise ValueError("--preview: found it with --frames, expected one of both")
         cluster = _cluster(workers, scheduler)
         return _series(loaded, voxels, options, out, pictures, json, cluster)
-    outcome = run(loaded, voxels, options, progress=True)
-    report = outcome.save(out, with_pictures=pictures, command=typed())
+    report = (_previewed if preview else _whole)(loaded, voxels, options, out, pictures)
+    if preview:
+        return print_json(report) if json else None
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
     say(_summary(report, out))
     if json:
         print_json(report)
+
+
+def _whole(
+    scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, pictures: bool
+) -> dict[str, Any]:
+    """Reconstruct one frame; return its report."""
+    from tomo import reconstruct as run
+
+    with _ahead(out, pictures) as ahead, progress_of(True, "reconstruct") as tell:
+        outcome = run(scan, grid, options, progress=tell, early=ahead)
+        return ahead.save(outcome, typed(), staged(tell)("pictures"))
+
+
+def _previewed(
+    scan: Scan, grid: VoxelGrid | None, options: Options, out: Path, pictures: bool
+) -> dict[str, Any]:
+    """Make the preview alone; return its report."""
+    from tomo import preview
+
+    with _ahead(out, pictures) as ahead:
+        outcome = preview(scan, grid, options, progress=True)
+        picture = ahead.preview(outcome)
+        if picture:
+            picture.result()
+        return outcome.report()
+
+
+@contextmanager
+def _ahead(out: Path, pictures: bool) -> Iterator[Ahead]:
+    """Give what writes and says what is known early, with a process to draw in."""
+    from tomo.report import Ahead, Artist
+
+    with Artist() if pictures else nullcontext() as artist:
+        yield Ahead(out, say, artist, keep)
 
 
 def _say_scale(scan: Scan, grid: VoxelGrid | None) -> None:

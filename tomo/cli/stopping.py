@@ -9,6 +9,9 @@ from contextlib import suppress
 
 LINES = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
+_kept: list[str] = []
+"""What is there already when a signal comes."""
+
 _SHOW_CURSOR = "\x1b[?25h\n"
 """Progress bars hide the cursor of a terminal."""
 
@@ -28,6 +31,12 @@ def run(command: Callable[[], object]) -> None:
         command()
     finally:
         _ignore()
+        _kept.clear()
+
+
+def keep(words: str) -> None:
+    """Have a signal say, in place of what it said before, what it leaves."""
+    _kept[:] = [words]
 
 
 def _stop(number: int, frame: object) -> None:
@@ -39,7 +48,8 @@ def _stop(number: int, frame: object) -> None:
         remove_unfinished()
     with suppress(OSError):  # nobody reads stderr any more
         start = _SHOW_CURSOR if os.isatty(2) else ""
-        os.write(2, f"{start}{LINES[signal.Signals(number)]}\n".encode())
+        line = "; ".join([LINES[signal.Signals(number)], *_kept])
+        os.write(2, f"{start}{line}\n".encode(errors="backslashreplace"))
     os._exit(128 + number)
 
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.progress import Progress
 from tomo.grid import ActiveVoxels
 from tomo.inference.adaptation import Adaptation
 from tomo.inference.fit import Fit
@@ -73,6 +74,7 @@ def infer(
     look_outside: bool = True,
     first: Sequence[Fit] | None = None,
     refine: Mapping[str, NDArray[np.bool_]] | None = None,
+    progress: Progress | None = None,
 ) -> Inference:
     """Return the effects that exceed their null, found together with the voxels.
 
@@ -94,6 +96,8 @@ def infer(
     refine : mapping of str to (views,) bool, optional
         Effects that are let loose in some views whatever their score, and kept where left-out
         pixels are then predicted better. The other views hold the scene.
+    progress : callable, optional
+        Told each effect that is compared with its null, and each round.
     """
     views = len(frames[0].rig)
     none = {e.name: np.zeros((views, len(e.parameters))) for e in effects}
@@ -116,7 +120,7 @@ def infer(
         if left_out.is_better:
             state, refined = adaptation.relaxed(loose), refine
             kept = {name: one | refine.get(name, False) for name, one in kept.items()}
-    given, state = state, _searched(state, scores, adaptation)
+    given, state = state, _searched(state, scores, adaptation, progress)
     if state is not given:
         state = adaptation.pruned(state, kept)
     doubted = _doubted(state, given)
@@ -135,11 +139,20 @@ def infer(
     return Inference(tuple(effects), state, scores, refined, left_out)
 
 
-def _searched(given: State, scores: Scores, adaptation: Adaptation) -> State:
+def _searched(
+    given: State, scores: Scores, adaptation: Adaptation, progress: Progress | None
+) -> State:
     """Return the state with all effects that exceed their null, but for those that mislead."""
-    state, ratio = given, scores.ratios(given)
+    tested = len(scores.effects)
+
+    def tell(done: int, where: str) -> None:
+        if progress:
+            progress(done, tested + ROUNDS, where)
+
+    state, ratio = given, scores.ratios(given, tell)
     barred: set[str] = set()
-    for _ in range(ROUNDS):
+    for number in range(ROUNDS):
+        tell(tested + number, "what is found")
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
         found = adaptation.adapted(state, ratio)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,12 +91,18 @@ class Scores:
         """Return mean and spread of what exact cameras make of an effect that views share."""
         return self._null_of(steps).of(lambda one: one.shared(effect))
 
-    def ratios(self, state: State) -> dict[str, NDArray[np.float64]]:
-        """Return each effect's score over its limit by view, 0 where it is loose already."""
+    def ratios(
+        self, state: State, tell: Callable[[int, str], None] = lambda done, where: None
+    ) -> dict[str, NDArray[np.float64]]:
+        """Return each effect's score over its limit by view, 0 where it is loose already.
+
+        ``tell`` is told how many effects are compared, and the next one's name.
+        """
         steps, views = Steps(state.fits, self.effects, state.values), len(state.hidden)
         found: dict[str, NDArray[np.float64]] = {}
-        for effect in self.effects:
+        for number, effect in enumerate(self.effects):
             name, least = effect.name, self.least(effect)
+            tell(number, name)
             if state.free[name].all() or (effect.shared and state.has_outside):
                 found[name] = np.zeros(views)  # its null has no light around the grid
             elif effect.shared:

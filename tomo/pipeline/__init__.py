@@ -7,6 +7,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     submod_attrs={
         "options": ["Options"],
         "reconstruction": ["Reconstruction"],
-        "reconstruct": ["reconstruct"],
+        "reconstruct": ["preview", "reconstruct"],
     },
 )

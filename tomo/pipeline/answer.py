@@ -38,6 +38,8 @@ class Answer:
         The cameras that were left out.
     missed : float
         Root mean square over the views of their residuals beyond noise, each relative to its view.
+    preview : str
+        What the sentence begins with where this is a preview.
     """
 
     verdict: str
@@ -45,10 +47,14 @@ class Answer:
     views: int = 0
     excluded: tuple[str, ...] = ()
     missed: float = 0.0
+    preview: str = ""
 
     @property
     def sentence(self) -> str:
         """The answer in one sentence."""
+        return self.preview + self._plainly()
+
+    def _plainly(self) -> str:
         worst = self.worst
         if worst is None:
             return "Not known: there is no image with light to compare the volume with."
@@ -85,12 +91,20 @@ def answer_of(outcome: Any) -> Answer:
     """Return whether the volume of a `tomo.Reconstruction` explains the views that took part."""
     views = [view for view in outcome.views if view.takes_part]
     excluded = tuple(view.name for view in outcome.views if view.excluded)
-    worst = worst_view(views)
+    worst, preview = worst_view(views), _of_preview(outcome.preview)
     if worst is None:
-        return Answer(UNKNOWN_VERDICT, views=len(views), excluded=excluded)
+        return Answer(UNKNOWN_VERDICT, None, len(views), excluded, preview=preview)
     beyond = [view.beyond_noise for view in views if math.isfinite(view.beyond_noise)]
     missed = math.sqrt(math.fsum(one**2 for one in beyond) / len(beyond))
-    return Answer(verdict_of(worst), worst, len(views), excluded, missed)
+    return Answer(verdict_of(worst), worst, len(views), excluded, missed, preview)
+
+
+def _of_preview(times: int | None) -> str:
+    """Return what a preview's answer begins with; ``times`` as wide are its pixels and voxels."""
+    if times is None:
+        return ""
+    wider = f"pixels and voxels {times} times as wide, " if times > 1 else ""
+    return f"Preview ({wider}nothing corrected): "
 
 
 def verdict_of(view: View) -> str:

@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
+from functools import partial
 
 import numpy as np
 
 from rigs import ring
+from rigs.progress import Progress
 from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
@@ -41,10 +44,20 @@ def warm_up(tracer: str, form: str = STORED) -> float:
     return time.perf_counter() - started
 
 
-def warm_up_stages(tracer: str, *, carving: bool) -> float:
+def warm_up_stages(tracer: str, *, carving: bool, progress: Progress | None = None) -> float:
     """Warm up the stages that will be used; return the seconds that it took."""
-    seconds = warm_up(tracer) + warm_up_inference()
-    return seconds + (warm_up_carving() if carving else 0.0)
+    steps: dict[str, Callable[[], float]] = {
+        "tracing": partial(warm_up, tracer),
+        "inference": warm_up_inference,
+    }
+    if carving:
+        steps["carving"] = warm_up_carving
+    seconds = 0.0
+    for number, (name, warm) in enumerate(steps.items()):
+        if progress:
+            progress(number, len(steps), name)
+        seconds += warm()
+    return seconds
 
 
 def warm_up_carving() -> float:

@@ -10,6 +10,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.progress import Progress
 from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding, together
 from tomo.inference.infer import FEWEST_VIEWS, Inference, infer
@@ -98,6 +99,7 @@ def infer_effects(
     options: Options,
     loaded: Sequence[LoadedScan] = (),
     cameras: Sequence[str] = (),
+    progress: Progress | None = None,
 ) -> ScreenedScan:
     """Return the images that take part, corrected by what exceeds its null.
 
@@ -113,12 +115,13 @@ def infer_effects(
         the mean, which has little fine structure where a flame moves.
     cameras : sequence of str
         Those to refine, if they take part.
+    progress : callable, optional
     """
     with timed() as stage:
         if options.screen:
             screened = without_unusable(screened, whole)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
-            screened = _inferred(screened, loaded, grid, options, cameras)
+            screened = _inferred(screened, loaded, grid, options, cameras, progress)
         findings = _with_pixels(screened, whole)
         stage.warnings += [one.sentence for one in together(findings)]
         refinement = screened.refinement
@@ -145,6 +148,7 @@ def _inferred(
     grid: VoxelGrid,
     options: Options,
     cameras: Sequence[str],
+    progress: Progress | None,
 ) -> ScreenedScan:
     """Return the images corrected by what was found on a coarse copy of the frames."""
     scan, known = screened.scan, given_absorption(screened.scan, options)
@@ -172,10 +176,12 @@ def _inferred(
     if options.screen:
         moved = with_image_in_place(screened, copy, first)
         if moved is not None:
-            return _inferred(moved, loaded, grid, options, cameras)
+            return _inferred(moved, loaded, grid, options, cameras, progress)
     asked, own = _asked(options, effects), np.array([name in priors for name in names])
     refine = {e.name: own for e in effects if own.any() and e.name in ("pose", "gain")}
-    found = infer(copy.frames, effects, copy.active, asked, options.screen, first, refine)
+    found = infer(
+        copy.frames, effects, copy.active, asked, options.screen, first, refine, progress
+    )
     corrections = _corrections(found, copy, whole)
     seen = corrections.applied(whole)
     return replace(

@@ -7,6 +7,7 @@ declarations below: a new option is one more field.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, Self
 
 from tomo.pipeline.checks import (
     choice,
@@ -285,6 +286,31 @@ class Options(Declared, gone=GONE):
         path(),
         topic=SOLVING,
     )
+
+    @classmethod
+    def quick(cls, **asked: Any) -> Self:
+        """Return the options of a preview: solved as the scan stands, in seconds.
+
+        What is wrong with pixels, cameras and gas is not looked for, and nothing is said of the
+        uncertainty. A preview also has larger pixels and voxels, see `tomo.preview`.
+
+        Parameters
+        ----------
+        **asked
+            Others in their place, such as ``hold_out=("cam02",)``.
+
+        Examples
+        --------
+        >>> Options.quick(frame="7").uncertainty
+        0
+        """
+        quick = {
+            "screen": False,
+            "refine_cameras": ("none",),
+            "fit_gain": False,
+            "fit_absorption": False,
+        }
+        return cls.from_mapping({**quick, "uncertainty": 0, **asked})
 
     @property
     def rays(self) -> dict[str, int]:

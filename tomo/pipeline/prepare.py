@@ -24,6 +24,9 @@ from tomo.pipeline.stage import Record
 from tomo.pipeline.trace import TracedScan, trace_views
 from tomo.scan import Scan
 
+INFERENCE = "cameras and gas"
+"""The stage that infers what is wrong with them."""
+
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
@@ -85,8 +88,8 @@ def prepare(
     """
     stage("pixels")
     screened = screen(mean_of_frames(loaded), options.hold_out, look=options.screen)
-    stage("cameras and gas")
-    screened = infer_effects(screened, scan, grid, options, loaded, cameras)
+    step = stage(INFERENCE)
+    screened = infer_effects(screened, scan, grid, options, loaded, cameras, step)
     stage("empty voxels")
     frames = [images_of(one, screened) for one in loaded]
     registered = register(screened, frames, grid, options)

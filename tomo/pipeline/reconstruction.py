@@ -89,6 +89,8 @@ class Reconstruction:
         The weights learned in place of segment lengths; None: none were.
     uncertainty : Assessment, optional
         How far the volume is to be trusted, see `tomo.uncertainty`.
+    preview : int, optional
+        How many times as wide as asked pixels and voxels are, where this is `tomo.preview`'s.
     """
 
     solution: Solution
@@ -118,6 +120,7 @@ class Reconstruction:
     pixel_weights: Mapping[str, Any] = field(default_factory=dict)
     learned: LearnedWeights | None = None
     uncertainty: Assessment | None = None
+    preview: int | None = None
 
     def __repr__(self) -> str:
         """Return four lines: the method, the voxels, the answer, where the rest is."""

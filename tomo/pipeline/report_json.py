@@ -27,6 +27,7 @@ def report_of(outcome: Any) -> dict[str, Any]:
     compared: Sequence[Mapping[str, Any]] = outcome.compared or ({},) * len(outcome.comparisons)
     report = {
         "answer": outcome.answer.report(),
+        **({} if outcome.preview is None else {"preview": outcome.preview}),
         "method": found.settings["method"],
         "seconds": dict(outcome.seconds),
         "first_use_seconds": outcome.first_use_seconds,

@@ -29,6 +29,9 @@ from tomo.selection.smooth_solve import smooth_start
 from tomo.solvers import Solution
 from tomo.uncertainty import Solve
 
+SOLVE = "solve"
+"""The stage that solves, once it is known how smooth."""
+
 Watch = Callable[[NDArray[np.float32]], float]
 """Called with the voxels' means ``(nx, ny, nz)`` after every iteration; what it returns becomes
 `Iteration.distance`."""
@@ -62,12 +65,12 @@ def solve(
     options: Options,
     *,
     watch: Watch | None = None,
-    progress: Progress | None = None,
+    begin: Callable[[str], Progress | None] = lambda where: None,
 ) -> Solved:
-    """Solve the equations by the method of the options."""
+    """Solve the equations by the method of the options; ``begin`` is told what begins."""
     with timed() as stage:
         method = method_named(options.method)
-        found = solve_by(method, options.iterations, built, options, watch, progress)
+        found = solve_by(method, options.iterations, built, options, watch, begin)
         learning = learning_of(options)
         if learning is not None and learning.files.save_encoder is not None:
             stage.warnings += _save_encoder(found, learning.files.save_encoder)
@@ -95,7 +98,9 @@ def compare(
         for name, iterations in map(comparison, options.compare):
             with as_warning(f"comparison {name}", stage.warnings):
                 method = method_named(name)
-                solutions.append(solve_by(method, iterations, built, options, watch, progress))
+                solutions.append(
+                    solve_by(method, iterations, built, options, watch, lambda where: progress)
+                )
     return Compared(tuple(solutions), stage.record)
 
 
@@ -105,7 +110,7 @@ def solve_by(
     built: WeightedSystem,
     options: Options,
     watch: Watch | None = None,
-    progress: Progress | None = None,
+    begin: Callable[[str], Progress | None] = lambda where: None,
 ) -> Solution:
     """Solve the equations by one method; the volume holds the voxels' means.
 
@@ -119,7 +124,8 @@ def solve_by(
         The seed, the time limit and those about learning are used.
     watch : callable, optional
         See `Watch`.
-    progress : callable, optional
+    begin : callable
+        Told what begins; returns what is told how far that is, see `rigs.progress.staged`.
     """
     started = time.perf_counter()
     limit = math.inf if options.time_limit is None else options.time_limit
@@ -140,18 +146,19 @@ def solve_by(
             built.measured,
             blocks=built.system.blocks(BLOCK),
             weights=built.weights,
-            progress=progress,
+            progress=begin("smoothness"),
         )
         if iterations is not None:
             choice = replace(choice, iterations=iterations)
         name, total, solving = choice.method, choice.iterations, time.perf_counter()
         extra = {"chosen_by": "auto", "tried": choice.tried}
+        progress = begin(SOLVE)
         found = solve_as_chosen(
             projector, built.measured, choice, weights=built.weights, callback=note
         )
     else:
         total = method.default_iterations if iterations is None else iterations
-        name, solving = method.name, started
+        name, solving, progress = method.name, started, begin(SOLVE)
         arguments = _arguments(method, iterations, built, options)
         found = method.solver(projector, built.measured, callback=note, **arguments)
     ended = time.perf_counter()

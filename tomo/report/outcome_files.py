@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from tempfile import TemporaryDirectory
+from typing import Any, Self
 
 from rigs import save_rig
 from rigs.files import whole_folder
@@ -20,7 +23,7 @@ from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.stage import as_warning
 from tomo.report.about import About
-from tomo.report.pictures import draw, write_pictures
+from tomo.report.pictures import Picture, draw, write_pictures
 from tomo.report.report import write_report
 from tomo.report.result_figures import seen_volume
 
@@ -51,12 +54,57 @@ INTERVAL_FILES = ("half_width.npz", "half_width.vti", "half_width.nrrd")
 """Beside them where the voxels' 90 % intervals are known."""
 
 
+_OTHERS = (
+    RIG_FILE, FLAME, RIG, *DEVIATION_FILES, *INTERVAL_FILES,
+    *(f"{name}.png" for name in PICTURES),
+)  # fmt: skip
+"""What an outcome may have, or lack."""
+
+PREVIEW_FILES = ("preview.npz", "preview.json", "preview.png")
+"""What stands for the rest until that is there: volume, figures, picture."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Pictures and pages of a reconstruction, with a line on each that could not be drawn.
+
+    ``turned`` is the stage on which the report's page shows the volume.
+    """
+
+    pictures: tuple[Picture, ...] = ()
+    pages: Mapping[str, bytes] = field(default_factory=dict)
+    warnings: tuple[str, ...] = ()
+    turned: Mapping[str, Any] | None = None
+
+    def __add__(self, other: Self) -> Drawn:
+        """Return both, pictures in their order on the page."""
+        pictures = sorted((*self.pictures, *other.pictures), key=lambda p: PICTURES.index(p.name))
+        pages = {**self.pages, **other.pages}
+        warnings = (*self.warnings, *other.warnings)
+        return Drawn(tuple(pictures), pages, warnings, self.turned or other.turned)
+
+
+def drawn(outcome: Reconstruction, known: Collection[str] = ()) -> Drawn:
+    """Draw pictures and pages, but for those ``known``, by name."""
+    warnings: list[str] = []
+    pictures, pages, turned = draw(outcome, warnings, known), {}, None
+    if FLAME not in known:
+        with (
+            as_warning("flame.html, rig.html: not drawn", warnings),
+            TemporaryDirectory() as folder,
+        ):
+            turned = _write_pages(Path(folder), outcome)
+            pages = {path.name: path.read_bytes() for path in Path(folder).iterdir()}
+    return Drawn(pictures, pages, tuple(warnings), turned)
+
+
 def write_outcome(
     folder: str | os.PathLike,
     outcome: Reconstruction,
     *,
     with_pictures: bool = True,
     command: str = "",
+    known: Drawn | None = None,
 ) -> dict[str, Any]:
     """Write everything about a reconstruction into a folder; return what is in ``report.json``.
 
@@ -65,43 +113,47 @@ def write_outcome(
     cameras were refined, ``refined_rig.yaml`` is the rig with them; where the standard deviation
     of single voxels is known, ``standard_deviation.npz``, ``.vti`` and ``.nrrd`` hold it, and
     ``half_width.*`` the half-widths of 90 % intervals. Pictures, rig and these volumes of an
-    earlier outcome that this one does not have are removed. The report's ``warnings`` name the
-    pictures that could not be drawn. No picture is drawn where ``with_pictures`` is False, and the
-    page has none. The page names the ``command`` that was given.
+    earlier outcome that this one does not have are removed, and so is a preview. The report's
+    ``warnings`` name the pictures that could not be drawn. No picture is drawn where
+    ``with_pictures`` is False, and the page has none; those ``known`` are not drawn again. The
+    page names the ``command`` that was given.
     """
     report, volume = outcome.report(), outcome.volume
-    others = (
-        RIG_FILE,
-        FLAME,
-        RIG,
-        *DEVIATION_FILES,
-        *INTERVAL_FILES,
-        *(f"{name}.png" for name in PICTURES),
-    )
-    with whole_folder(folder, last=(PAGE, FIGURES), others=others) as staging:
+    with whole_folder(folder, last=(PAGE, FIGURES), others=(*_OTHERS, *PREVIEW_FILES)) as staging:
+        _write_volumes(staging, outcome)
         for names, values in (
-            (VOLUME_FILES, volume),
             (DEVIATION_FILES, outcome.standard_deviation),
             (INTERVAL_FILES, outcome.half_width),
         ):
             for name in names if values is not None else ():
                 path, units = staging / name, (volume.length_unit, volume.value_unit)
-                write_volume(path, values, volume.grid, units[0], value_unit=units[1],
-                             allow_nan=values is volume)  # fmt: skip
-        pictures = draw(outcome, report["warnings"]) if with_pictures else ()
-        write_pictures(staging, pictures)
-        turned = None
-        if with_pictures:
-            with as_warning("flame.html, rig.html: not drawn", report["warnings"]):
-                turned = _write_pages(staging, outcome)
+                write_volume(path, values, volume.grid, units[0], value_unit=units[1])
+        shown = known or (drawn(outcome) if with_pictures else Drawn())
+        report["warnings"] += shown.warnings
+        write_pictures(staging, shown.pictures)
+        for name, page in shown.pages.items():
+            (staging / name).write_bytes(page)
         files = sorted([*(path.name for path in staging.iterdir()), FIGURES])
         about = About(Path(folder), command, files)
-        write_report(staging / PAGE, report, outcome, pictures, about, turned)
+        write_report(staging / PAGE, report, outcome, shown.pictures, about, shown.turned)
         if outcome.refined_rig is not None:
             save_rig(outcome.refined_rig, staging / RIG_FILE)
         text = json.dumps(report, indent=2, allow_nan=False) + "\n"
         (staging / FIGURES).write_text(text, "utf-8")
     return report
+
+
+def write_volumes(folder: str | os.PathLike, outcome: Reconstruction) -> None:
+    """Write the volume's files alone; an earlier outcome in the folder is removed."""
+    with whole_folder(folder, last=(PAGE, FIGURES), others=_OTHERS) as staging:
+        _write_volumes(staging, outcome)
+
+
+def _write_volumes(folder: Path, outcome: Reconstruction) -> None:
+    volume = outcome.volume
+    units = {"length_unit": volume.length_unit, "value_unit": volume.value_unit}
+    for name in VOLUME_FILES:
+        write_volume(folder / name, volume, volume.grid, **units, allow_nan=True)
 
 
 def _write_pages(folder: Path, outcome: Reconstruction) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from contextlib import nullcontext
 from dataclasses import dataclass
 from pathlib import Path
@@ -43,8 +43,10 @@ class Picture:
         return f"<Picture {self.name!r}: {len(self.png)} bytes>"
 
 
-def draw(outcome: Reconstruction, warnings: list[str] | None = None) -> tuple[Picture, ...]:
-    """Return the figures; those that there is nothing for are left out.
+def draw(
+    outcome: Reconstruction, warnings: list[str] | None = None, known: Collection[str] = ()
+) -> tuple[Picture, ...]:
+    """Return the figures but for those ``known``; those that there is nothing for are left out.
 
     Rig, volume, convergence, difference, learned weights, intervals and deviations. Of one
     that cannot be drawn, as where a library of the system is missing, a line joins ``warnings``;
@@ -52,7 +54,7 @@ def draw(outcome: Reconstruction, warnings: list[str] | None = None) -> tuple[Pi
     """
     pictures = []
     for wanted, name, make, caption, alt in _recipes(outcome):
-        if wanted:
+        if wanted and name not in known:
             step = f"picture {name}: not drawn"
             with nullcontext() if warnings is None else as_warning(step, warnings):
                 pictures.append(Picture(name, png_bytes(make()), caption, alt))

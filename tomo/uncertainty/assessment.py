@@ -222,12 +222,14 @@ def assess(
     else:
         part = whole(system, solve if solve_of is None else solve_of(None, None))
     if progress:
-        progress(0, 1, _KNOWN)
+        progress(0, 3, _KNOWN)
     explained = (norm(noise) / (residual * size)) ** 2 if residual > 0 else 1.0
     unexplained = residual * math.sqrt(max(1 - explained, 0.0))
     kept = part.pixels(smoothed(system, measured - seen, KEPT))
     moved = solve_moved(part, volume, kept, part.pixels(noise), seed)
     emission = float(np.sqrt(np.mean(np.square(unknowns[found.emitting], dtype=np.float64))))
+    if progress:
+        progress(2, 3, "resolution")
     first = moved.found[0]
     where = part.inside & (first > EMITTING * first.max())
     bright = part.inside & (first > EMITTING * first.max())
@@ -252,7 +254,7 @@ def assess(
         values = active.compress(spread).astype(np.float32)
         deviations = Deviations(values, repeats, noise)
     if progress:
-        progress(1, 1, _KNOWN)
+        progress(3, 3, "intervals")
     known = intervals(
         system,
         measured,

@@ -31,7 +31,7 @@ def noise(sigma, seed=0):
 
 
 def outcome(*views):
-    return SimpleNamespace(views=views)
+    return SimpleNamespace(views=views, preview=None)
 
 
 @pytest.mark.parametrize("sigma", [0.002, 0.02, 0.1])

@@ -1,0 +1,175 @@
+"""What a command shows before it is done, and what it leaves where it is stopped."""
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import phantoms
+import rigs
+import tomo
+from tomo.io import read_volume
+
+ROOT = Path(__file__).parents[3]
+GRID = tomo.VoxelGrid((6, 9, 6), 1.0)
+VOLUMES = {"volume.npz", "volume.vti", "volume.nrrd"}
+
+STOPPED = """
+import os, signal, sys
+from importlib import import_module
+
+from tomo.cli.stopping import run
+
+
+def app():
+    from tomo.cli.app import app
+
+    stages, (name, call) = import_module("tomo.pipeline.reconstruct"), sys.argv[1:3]
+    function, calls = getattr(stages, name), [int(call)]
+
+    def counted(*values, **named):
+        calls[0] -= 1
+        if calls[0] == 0:
+            os.kill(os.getpid(), signal.SIGINT)
+        return function(*values, **named)
+
+    setattr(stages, name, counted)
+    app(["reconstruct", *sys.argv[3:]])
+
+
+if __name__ == "__main__":
+    run(app)
+"""
+
+
+@pytest.fixture(scope="module")
+def scan(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("scan")
+    rig = rigs.ring(4, 60.0, image_size=(14, 18), footprint=0.8)
+    tomo.simulate(rig, phantoms.create("blobs", extent=GRID.extent), GRID).save(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def done(run_tool, scan, tmp_path_factory, choose_quickly):
+    """Return the folder and the result of a run to the end."""
+    out = tmp_path_factory.mktemp("out")
+    with choose_quickly():
+        result = run_tool("reconstruct", scan, "-o", out)
+    assert result.exit_code == 0, result.stderr
+    return out, result
+
+
+def test_lines_come_in_the_order_of_the_work(done):
+    out, result = done
+    lines = result.stderr.splitlines()
+    report = json.loads((out / "report.json").read_text())
+    began = [
+        "Preview (nothing corrected): ",
+        "preview.npz is complete after ",
+        f"open {out / 'preview.png'}",
+        "reconstruct 0:0",
+        "volume.npz is complete after ",
+        report["answer"]["sentence"],
+        f"open {out / 'report.html'}",
+    ]
+    places = [
+        next((n for n, line in enumerate(lines) if line.startswith(words)), words)
+        for words in began
+    ]
+    del places[3]
+    assert places == sorted(places)
+    volume = places[3]
+    later = ("how far to trust it", "pictures")
+    at = [n for n, line in enumerate(lines) if line.startswith("reconstruct") and
+          any(f": {stage}" in line for stage in later)]  # fmt: skip
+    assert len(at) >= 2
+    assert min(at) > volume
+
+
+def test_stages_after_the_preview_tell_what_is_left(done):
+    _, result = done
+    stages = [line for line in result.stderr.splitlines() if line.startswith("reconstruct ")]
+    preview = next(n for n, line in enumerate(stages) if line.endswith(": preview"))
+    assert not any(" left)" in line for line in stages[: preview + 1])
+    left = re.compile(r"reconstruct [\d:]+ \(\d+ %, \d+:\d\d left\): ")
+    assert all(left.match(line) for line in stages[preview + 1 :])
+
+
+def test_nothing_of_the_preview_is_left_at_the_end(done):
+    out, _ = done
+    assert not list(out.glob("preview*"))
+
+
+def test_a_preview_stops_there(run_tool, scan, tmp_path):
+    (tmp_path / "report.json").write_text("{}")  # of an earlier run
+    result = run_tool("reconstruct", scan, "--preview", "-o", tmp_path, "--json")
+    assert result.exit_code == 0
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"preview.npz", "preview.json", "preview.png", "report.json"}
+    report = json.loads(result.stdout)
+    assert report == json.loads((tmp_path / "preview.json").read_text())
+    assert report["preview"] == 1
+    assert report["answer"]["sentence"] in result.stderr.splitlines()
+    volume, grid, unit = read_volume(tmp_path / "preview.npz")
+    assert (grid.shape, unit) == (GRID.shape, "mm")
+    np.testing.assert_array_equal(volume, tomo.preview(scan).volume)
+    assert (tmp_path / "preview.png").read_bytes().startswith(b"\x89PNG")
+    assert result.stderr.splitlines()[-1] == f"open {tmp_path / 'preview.png'}"
+
+
+def test_without_pictures_a_preview_has_none(run_tool, scan, tmp_path):
+    assert run_tool("reconstruct", scan, "--preview", "--no-pictures", "-o", tmp_path).stdout == ""
+    assert {path.name for path in tmp_path.iterdir()} == {"preview.npz", "preview.json"}
+
+
+def test_a_film_has_no_preview(run_tool, scan, tmp_path):
+    out = tmp_path / "out.zarr"
+    result = run_tool("reconstruct", scan, "--preview", "--frames", ":", "-o", out)
+    assert result.exit_code == 2
+    assert result.stderr == "error: --preview: found it with --frames, expected one of both\n"
+
+
+@pytest.mark.parametrize(
+    ("stage", "call", "left", "words"),
+    [
+        ("check_options", 1, {"report.json"}, ""),
+        (
+            "cameras_to_refine",
+            1,
+            {"preview.npz", "preview.json", "report.json"},
+            "; {out}/preview.npz is complete, a preview",
+        ),
+        (
+            "assess",
+            2,  # the first is the preview's
+            {"preview.npz", "preview.json", *VOLUMES},
+            "; {out}/volume.npz is complete, without intervals and report",
+        ),
+    ],
+)
+def test_a_stop_leaves_what_is_complete_and_says_so(scan, tmp_path, stage, call, left, words):
+    out, script = tmp_path / "out", tmp_path / "stopped.py"
+    out.mkdir()
+    (out / "report.json").write_text("{}")  # of an earlier run
+    script.write_text(STOPPED)
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)  # else it is ignored there
+    done = subprocess.run(
+        [sys.executable, script, stage, str(call), scan, "-o", out, "--no-pictures"],
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        timeout=120,
+    )
+    signal.signal(signal.SIGINT, before)
+    assert done.returncode == 130
+    assert done.stderr.splitlines()[-1] == "interrupted" + words.format(out=out)
+    assert {path.name for path in out.iterdir()} == left
+    for name in left & {"preview.npz", "volume.npz"}:
+        assert read_volume(out / name)[1].shape == GRID.shape

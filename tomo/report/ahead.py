@@ -1,0 +1,126 @@
+"""What is written and said of a reconstruction before it is whole: preview, volume, pictures."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from concurrent.futures import Future
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rigs.files import atomic_path
+from rigs.progress import Progress
+from tomo.draw.figures import png_bytes
+from tomo.io import write_volume
+from tomo.pipeline import Reconstruction
+from tomo.report.artist import Artist
+from tomo.report.outcome_files import (
+    PREVIEW_FILES,
+    VOLUME_FILES,
+    Drawn,
+    drawn,
+    write_outcome,
+    write_volumes,
+)
+
+_FIGURES = ("matplotlib.backends.backend_agg", "tomo.draw.volume.visualize")
+_SCENES = ("tomo.draw.rig.visualize", "tomo.draw.write_html", "tomo.report.pictures")
+"""Modules that take long to load: those that figures need, and those that scenes need beside."""
+
+
+class Ahead:
+    """Writes into a folder what `tomo.reconstruct` gives ``early``, and says so.
+
+    Parameters
+    ----------
+    folder : path-like
+    say : callable
+        Called with lines, from any thread.
+    artist : Artist, optional
+        Who draws; no pictures are drawn when None.
+    keep : callable, optional
+        Called with words on what an interrupted run leaves.
+    """
+
+    def __init__(
+        self,
+        folder: str | os.PathLike,
+        say: Callable[[str], None],
+        artist: Artist | None = None,
+        keep: Callable[[str], None] = lambda words: None,
+    ) -> None:
+        self.folder, self.say, self.artist, self.keep = Path(folder), say, artist, keep
+        self._first: Future[Drawn] | None = None
+        if artist:
+            artist.ask(_load, *_FIGURES)
+
+    def __call__(self, step: str, outcome: Reconstruction) -> None:
+        """Write what is known at one of the steps ``preview``, ``volume`` and ``images``."""
+        if step == "preview":
+            self.preview(outcome)
+        elif step == "volume":
+            write_volumes(self.folder, outcome)
+            self._complete(VOLUME_FILES[0], outcome, "without intervals and report")
+        elif self.artist:
+            self._first = self.artist.ask(drawn, outcome)
+
+    def preview(self, outcome: Reconstruction) -> Future[bytes] | None:
+        """Write and say a preview; return what its picture is waited for by, if one is drawn."""
+        volume, figures, picture = (self.folder / name for name in PREVIEW_FILES)
+        found = outcome.volume
+        units = {"length_unit": found.length_unit, "value_unit": found.value_unit}
+        write_volume(volume, found, found.grid, **units, allow_nan=True)
+        with atomic_path(figures) as temporary:
+            text = json.dumps(outcome.report(), indent=2, allow_nan=False) + "\n"
+            temporary.write_text(text, "utf-8")
+        self.say(outcome.answer.sentence)
+        self._complete(volume.name, outcome, "a preview")
+        if self.artist is None:
+            return None
+
+        def write(png: bytes) -> None:
+            with atomic_path(picture) as temporary:
+                temporary.write_bytes(png)
+            self.say(f"open {picture}")
+
+        asked = self.artist.ask(_preview_picture, outcome, then=write)
+        self.artist.ask(_load, *_SCENES)
+        return asked
+
+    def save(
+        self, outcome: Reconstruction, command: str, progress: Progress | None = None
+    ) -> dict[str, Any]:
+        """Write the rest, as `Reconstruction.save` does; return what is in ``report.json``."""
+        tell = progress or (lambda done, total, where: None)
+        if self.artist is None or self._first is None:
+            return write_outcome(self.folder, outcome, with_pictures=False, command=command)
+        tell(0, 3, "drawn beside the intervals")
+        first = self._first.result()
+        tell(1, 3, "intervals")
+        done = [one.name for one in first.pictures]
+        last = self.artist.ask(drawn, outcome, (*done, *first.pages)).result()
+        tell(2, 3, "report")
+        return write_outcome(self.folder, outcome, command=command, known=first + last)
+
+    def _complete(self, name: str, outcome: Reconstruction, what: str) -> None:
+        shape = " x ".join(map(str, outcome.solution.grid.shape))
+        self.keep(f"{self.folder / name} is complete, {what}")
+        self.say(
+            f"{name} is complete after {outcome.seconds['total']:.1f} s: {shape} voxels, relative "
+            f"residual {outcome.solution.relative_residual:.2%}"
+        )
+
+
+def _load(*modules: str) -> None:
+    for name in modules:
+        import_module(name)
+
+
+def _preview_picture(outcome: Reconstruction) -> bytes:
+    """Return the picture of a preview's volume as PNG."""
+    from tomo.draw.volume import draw_volume
+    from tomo.report.result_figures import seen_volume
+
+    return png_bytes(draw_volume(seen_volume(outcome), title="Preview"))
