@@ -54,14 +54,14 @@ numpydoc_xref_param_type = False
 # ---- gallery: one place for the order; an example that is not named comes last
 EXAMPLES = (
     # start
-    "first_volume", "rig_from_a_table",
+    "first_volume", "own_tiffs", "real_plume", "rig_from_a_table",
     # cameras
     "calibrate_from_charuco", "import_from_colmap", "is_my_rig_good_enough", "how_many_cameras",
     # methods
     "noise_and_prior", "wernet_learns_optics", "wernet_paper", "wernet_film",
     "gains_and_backgrounds",
     # trust
-    "uncertainty_map", "flame_front",
+    "red_verdict", "uncertainty_map", "flame_front",
     # films
     "film_to_zarr", "film_mean_and_rms",
     # optics
@@ -90,12 +90,19 @@ sphinx_gallery_conf = {
 # ---- the look
 html_theme = "pydata_sphinx_theme"
 html_title = "flametomo"
+html_favicon = str(DOCS / "_site/static/logo.svg")
 html_show_search_summary = False  # summaries are fetched, which pages from a disk may not do
 html_show_sourcelink = False
 html_copy_source = False
 html_show_sphinx = False
 html_math_renderer = "mathml"
 html_theme_options = {
+    "logo": {
+        "text": "flametomo",
+        "image_light": "_static/logo.svg",
+        "image_dark": "_static/logo.svg",
+        "alt_text": "flametomo, to the front page",
+    },
     "navigation_with_keys": False,
     "show_prev_next": True,
     "show_toc_level": 2,

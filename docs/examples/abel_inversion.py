@@ -35,27 +35,27 @@ def flame(lopsided, points):
 
 options = tomo.Options(method="curvature", uncertainty=0)
 daun = {"dr": 0.25, "reg": ("diff", 30), "verbose": False}
-figure, axes = plt.subplot_mosaic("abcd;efgh;iijj", figsize=(9, 8), layout="constrained")
+figure, axes = plt.subplot_mosaic("abcd;efgh;iijj", figsize=(10, 9), layout="constrained")
 for name, side, keys, below in (("round", 0, "abcd", "i"), ("one-sided", 0.4, "efgh", "j")):
     how = {"supersample": 2, "refine": 2, "noise": 0.01, "seed": 1}
     scan = tomo.simulate(eight, partial(flame, side), grid, **how)
-    image = scan.images()[0].astype(float)
-    inverted = abel.Transform(image, method="daun", symmetry_axis=0, transform_options=daun)
-    profile = inverted.transform[15, 32:]  # a row at half height, from the axis outwards
-    alone = tomo.Scan.from_arrays(one, {"cam00": image}, grid)
+    rows = scan.images()[0].astype(float)
+    daun = {"dr": 0.25, "reg": ("diff", 30), "verbose": False}
+    inverted = abel.Transform(rows, method="daun", symmetry_axis=0, transform_options=daun)
+    middle = np.interp(np.hypot(x, z), 0.25 * np.arange(33), inverted.transform[15, 32:])
+    alone = tomo.Scan.from_arrays(one, {"cam00": rows}, grid)
     found = {
-        "truth": scan.truth[:, 6],
-        "Abel, 1 camera": np.interp(np.hypot(x, z), 0.25 * np.arange(33), profile),
-        "ours, 1 camera": tomo.reconstruct(alone, options=options).volume[:, 6],
-        "ours, 8 cameras": tomo.reconstruct(scan, options=options).volume[:, 6],
+        f"{name} flame": scan.truth,
+        "Abel, 1 camera": np.repeat(middle[:, None], 12, axis=1),  # the row at half height
+        "ours, 1 camera": tomo.reconstruct(alone, options=options).volume,
+        "ours, 8 cameras": tomo.reconstruct(scan, options=options).volume,
     }
-    for key, (title, cut) in zip(keys, found.items(), strict=True):
-        axes[key].imshow(cut.T, "inferno", extent=(-8, 8, -8, 8), origin="lower", vmin=0, vmax=1.4)
-        axes[key].set(title=title, xlabel="x (mm)", ylabel="z (mm)" if key in "ae" else "")
-        axes[below].plot(z[16], cut[16], "k--" if title == "truth" else "-", label=title)
-    errors = [np.linalg.norm(cut - scan.truth[:, 6]) for cut in found.values()]
-    errors = [f"{error / np.linalg.norm(scan.truth[:, 6]):.0%}" for error in errors[1:]]
-    print(f"{name} flame: errors of Abel inversion, one camera, eight cameras:", *errors)
-    axes[below].set(title=f"{name} flame", xlabel="z (mm)", ylabel="emission", ylim=(0, 1.5))
-axes["i"].legend(ncols=2)
+    tomo.draw.light_row([axes[key] for key in keys], found, grid, eye=(20, 55))
+    for title, volume in found.items():
+        axes[below].plot(z[16], volume[16, 6], "k--" if "flame" in title else "-", label=title)
+    errors = [tomo.metrics.nrmse(volume[:, 6], scan.truth[:, 6]) for volume in found.values()]
+    errors = ", ".join(f"{error:.0%}" for error in errors[1:])
+    print(f"{name} flame: errors of Abel inversion, one camera, eight cameras: {errors}")
+    axes[below].set(xlabel="z (mm)", ylabel="emission", ylim=(0, 1.5))
+    axes[below].legend(ncols=2, fontsize=8)
 plt.show()

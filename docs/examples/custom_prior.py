@@ -51,15 +51,13 @@ volumes = {
     "no prior": solver(A, measured, iterations=20).volume,
     "your prior": solver(A, measured, iterations=60, **how).volume,
 }
-figure, axes = plt.subplots(1, 3, figsize=(10, 3.4), layout="constrained")
-for ax, (name, volume) in zip(axes, volumes.items(), strict=True):
-    if name != "truth":
-        error = np.linalg.norm(volume - scan.truth) / np.linalg.norm(scan.truth)
-        bright = volume[10:, :, 10:].sum() / volume.sum() * 4
-        print(f"{name}: error {error:.0%}; bright nozzle {bright:.2f} of the mean")
-        name += f": error {error:.0%}"
+figure, axes = plt.subplots(2, 3, figsize=(10, 7), layout="constrained")
+tomo.draw.light_row(axes[0], volumes, grid, eye=(28, 40))
+for ax, (name, volume) in zip(axes[1], volumes.items(), strict=True):
+    error, bright = tomo.metrics.nrmse(volume, scan.truth), volume[10:, :, 10:].sum()
+    print(f"{name}: error {error:.0%}; bright nozzle {4 * bright / volume.sum():.2f} of the mean")
     cut = volume[:, 12].T  # y = 0.5 mm
     drawn = ax.imshow(cut, "inferno", extent=(-10, 10, -10, 10), origin="lower", vmin=0, vmax=1.2)
-    ax.set(title=name, xlabel="x (mm)", ylabel="z (mm)")
-figure.colorbar(drawn, ax=axes, label="emission")
+    ax.set(title="plane y = 0.5 mm", xlabel="x (mm)", ylabel="z (mm)")
+figure.colorbar(drawn, ax=axes[1], label="emission", shrink=0.8)
 plt.show()

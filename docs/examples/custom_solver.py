@@ -41,21 +41,22 @@ def accelerated(A, b, iterations, callback):
 
 
 truth = A.active.compress(scan.truth)  # in the order of the operator's columns
-solvers = {
-    "yours: accelerated gradient": accelerated,
-    "built in: projected CG": tomo.solvers.projected_cg,
-    "built in: SIRT": tomo.solvers.sirt,
-}
-figure, axes = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
+solvers = {"yours: accelerated gradient": accelerated}
+solvers |= {f"built in: {name}": getattr(tomo.solvers, name) for name in ("projected_cg", "sirt")}
+figure, axes = plt.subplot_mosaic("abcd;eeff", figsize=(10, 8), layout="constrained")
+found = {"truth": scan.truth}  # and of each solver its nearest volume
 for name, solver in solvers.items():
     history = []
     solver(A, measured, iterations=100, callback=lambda *state: history.append(state))  # noqa: B023
     steps, volumes, residuals = zip(*history, strict=True)
     errors = [np.linalg.norm(x - truth) / np.linalg.norm(truth) for x in volumes]
     print(f"{name}: residual {residuals[-1]:.4f}, least error {min(errors):.3f}")
-    axes[0].loglog(steps, residuals, label=name)
-    axes[1].loglog(steps, errors)
-axes[0].set(title="all fit the images ...", xlabel="iteration", ylabel="relative residual")
-axes[1].set(title="... and then their noise", xlabel="iteration", ylabel="error of the volume")
-axes[0].legend()
+    nearest = A.active.expand(volumes[np.argmin(errors)]).reshape(grid.shape)
+    found[name.replace(": ", ":\n")] = nearest
+    axes["e"].loglog(steps, residuals, label=name)
+    axes["f"].loglog(steps, errors)
+tomo.draw.light_row([axes[key] for key in "abcd"], found, grid)
+axes["e"].set(xlabel="iteration", title="relative residual")
+axes["f"].set(xlabel="iteration", title="error of the volume")
+axes["e"].legend()
 plt.show()

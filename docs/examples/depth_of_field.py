@@ -31,20 +31,18 @@ rig = rigs.Rig(tuple(replace(camera, optics=lens) for camera in cameras))
 how = {"supersample": 2, "refine": 2, "noise": 0.01, "seed": 1}
 open_lens = Effects(aperture="optics", aperture_rays=64)
 scan = tomo.simulate(rig, flame, grid, effects=open_lens, **how)
-figure, axes = plt.subplots(1, 4, figsize=(12, 3.4), layout="constrained")
-axes[0].imshow(scan.images()[0], "gray")
-axes[0].set(title="image of camera 0", xlabel="column", ylabel="row")
-box = {"extent": (-24, 24, -24, 24), "origin": "lower"}  # a level plane
-drawn = axes[1].imshow(scan.truth[:, 12].T, "inferno", vmin=0, vmax=1, **box)
-axes[1].set(title="truth", xlabel="x (mm)", ylabel="z (mm)")
-figure.colorbar(drawn, ax=axes[1])
-for ax, name, rays in ((axes[2], "aperture", 24), (axes[3], "pinholes", 1)):
+figure, axes = plt.subplot_mosaic("abc;def", figsize=(10, 7), layout="constrained")
+axes["d"].imshow(scan.images()[0], "gray")
+axes["d"].set(title="image of camera 0", xlabel="column (pixel)", ylabel="row (pixel)")
+volumes = {"truth": scan.truth}
+for key, name, rays in (("e", "aperture", 24), ("f", "pinholes", 1)):
     options = tomo.Options(method="curvature", supersample=2, aperture_rays=rays, uncertainty=0)
     result = tomo.reconstruct(scan, options=options)
-    name += f": error {result.report()['quality']['nrmse']:.0%}"
-    print(name)
-    error = (result.volume - scan.truth)[:, 12].T
-    drawn = ax.imshow(error, "RdBu_r", vmin=-0.3, vmax=0.3, **box)
-    ax.set(title=name, xlabel="x (mm)")
-figure.colorbar(drawn, ax=axes[2:], label="volume - truth")
+    volumes[name] = result.volume
+    print(f"{name}: error {result.report()['quality']['nrmse']:.0%}")
+    how = {"vmin": -0.3, "vmax": 0.3, "extent": (-24, 24, -24, 24), "origin": "lower"}
+    drawn = axes[key].imshow((result.volume - scan.truth)[:, 12].T, "RdBu_r", **how)
+    axes[key].set(title=f"{name}, a level plane", xlabel="x (mm)", ylabel="z (mm)")
+figure.colorbar(drawn, ax=[axes["e"], axes["f"]], label="volume - truth", shrink=0.8)
+tomo.draw.light_row([axes[key] for key in "abc"], volumes, grid)
 plt.show()

@@ -49,15 +49,16 @@ found = tomo.mean_and_rms(store.volumes())
 true = tomo.mean_and_rms(truth.read(k) for k in range(truth.n_frames))
 print("NRMSE of mean and RMS:", np.round([*map(tomo.metrics.nrmse, found, true)], 4))
 
-figure, axes = plt.subplots(1, 3, figsize=(9, 4.2), layout="constrained", width_ratios=(1, 1, 1.6))
-for ax, values, title in zip(axes, found, ("mean", "RMS"), strict=False):
-    drawn = ax.imshow(values[:, :, 7].T, "inferno", extent=(-9, 9, -16, 16), origin="lower")
-    ax.set(title=title, xlabel="x (mm)", ylabel="y (mm)")
-    figure.colorbar(drawn, ax=ax)
+keys = dict(zip("abcd", ("mean, true", "mean, found", "RMS, true", "RMS, found"), strict=True))
+volumes = [volume for pair in zip(true, found, strict=True) for volume in pair]
+figure, axes = plt.subplot_mosaic("abcd;eeee", figsize=(10, 8), layout="constrained")
+for pair in ("ab", "cd"):
+    shown = {keys[key]: volumes["abcd".index(key)] for key in pair}
+    tomo.draw.light_row([axes[key] for key in pair], shown, eye=(0, 5))
 for name, one, other in zip(("mean", "RMS"), found, true, strict=True):
     across = [volume.profile((-9, 6, 0), (9, 6, 0), 37)[1] for volume in (one, other)]
-    (drawn,) = axes[2].plot(np.linspace(-9, 9, 37), across[0], "o", label=f"{name}, found")
-    axes[2].plot(np.linspace(-9, 9, 37), across[1], color=drawn.get_color(), label="true")
-axes[2].set(title="across the flame, y = 6 mm", xlabel="x (mm)", ylabel="emission")
-axes[2].legend()
+    (drawn,) = axes["e"].plot(np.linspace(-9, 9, 37), across[0], "o", label=f"{name}, found")
+    axes["e"].plot(np.linspace(-9, 9, 37), across[1], color=drawn.get_color(), label="true")
+axes["e"].set(title="across the flame, y = 6 mm", xlabel="x (mm)", ylabel="emission")
+axes["e"].legend()
 plt.show()

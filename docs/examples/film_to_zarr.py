@@ -40,20 +40,16 @@ truth = xarray.open_zarr("film/truth.zarr", consolidated=False).emission
 error = abs(data.total_emission / truth.sum(["x", "y", "z"]) - 1).max()
 print(f"{movie}: {movie.stat().st_size / 1e3:.0f} kB; total emission within {float(error):.1%}")
 
-figure = plt.figure(figsize=(9, 6.5), layout="constrained")
-strip, below = figure.subfigures(2, 1, height_ratios=(1.3, 1))
-axes = strip.subplots(1, 8, sharey=True)
-for ax, frame in zip(axes, data.emission.max("z")[8:], strict=False):
-    frame.plot.imshow(x="x", ax=ax, cmap="inferno", vmin=0, vmax=1.2, add_colorbar=False)
-    ax.set(title=f"{1e3 * float(frame.time):.1f} ms", xlabel="x (mm)", ylabel="")
-axes[0].set_ylabel("y (mm)")
+figure = plt.figure(figsize=(10, 7), layout="constrained")
+strip, below = figure.subfigures(2, 1, height_ratios=(1.2, 1))
+times = [1e3 * float(time) for time in data.time[8:16]]
+shown = {f"{ms:.1f} ms": store.volume(8 + k) for k, ms in enumerate(times)}
+tomo.draw.light_row(strip.subplots(1, 8), shown)
 ax = below.subplots()
 for height, colour in ((-12.5, "C0"), (-2.5, "C1")):
     found, true = (cube.sum(["x", "z"]).sel(y=height) for cube in (data.emission, truth))
     ax.plot(1e3 * data.time, found, "o-", color=colour, label=f"found, y = {height} mm")
     ax.plot(1e3 * data.time, true, "k--", label="true")
-ax.set(
-    title="pulses of the flow travel up", xlabel="time (ms)", ylabel="emission of a layer (mm$^2$)"
-)
+ax.set(title="pulses of the flow travel up", xlabel="time (ms)", ylabel="layer's light (mm$^2$)")
 ax.legend(ncols=2)
 plt.show()

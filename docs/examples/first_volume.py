@@ -5,6 +5,7 @@ From images to a first volume
 How good is the volume that a dozen cameras give, and how would I know without the truth? Eleven
 cameras make the volume, and the twelfth is held out: the volume predicts its image. On real
 images, where no truth is known, this is the best check there is.
+The light of truth and volume stands above, as a camera beside the flame sees it.
 
 :doc:`/guide/first_volume` does the same with commands; :doc:`/guide/reading_the_report` says what
 the figures mean.
@@ -29,20 +30,11 @@ error, held_out = report["quality"]["nrmse"], report["held_out"]["cam05"]
 print(f"error against the truth {error:.1%} (NRMSE), chosen method {report['method']}")
 print(f"held-out camera: predicted to {held_out['psnr']:.1f} dB, SSIM {held_out['ssim']:.2f}")
 
-figure, axes = plt.subplots(2, 3, figsize=(9, 9), layout="constrained")
-(x0, y0, z0), (x1, y1, z1) = grid.lower, grid.upper
-how = {"cmap": "inferno", "origin": "lower", "vmin": 0, "vmax": scan.truth.max()}
-for row, name, volume in zip(axes, ("truth", "volume"), (scan.truth, result.volume), strict=True):
-    row[0].imshow(volume[:, :, 12].T, extent=(x0, x1, y0, y1), **how)
-    row[0].set(title=f"{name}, plane z = 0", xlabel="x (mm)", ylabel="y (mm)")
-    shown = row[1].imshow(volume[12], extent=(z0, z1, y0, y1), **how)
-    row[1].set(title=f"{name}, plane x = 0", xlabel="z (mm)")
-figure.colorbar(shown, ax=axes[:, :2], label="emission", location="bottom", shrink=0.6)
+figure, axes = plt.subplot_mosaic("ab;cd", figsize=(7.5, 9), layout="constrained")
+tomo.draw.light_row([axes[key] for key in "ab"], {"truth": scan.truth, "volume": result}, grid)
 view = result.views[5]
-axes[0, 2].imshow(view.measured, "inferno", vmin=0, vmax=view.measured.max())
-axes[0, 2].set(title="cam05, held out: measured", ylabel="row (pixel)")
-axes[1, 2].imshow(view.reprojected, "inferno", vmin=0, vmax=view.measured.max())
-axes[1, 2].set(title="cam05: predicted", xlabel="column (pixel)")
-title = f"The volume is {error:.0%} off, and predicts a camera it never saw to"
-figure.suptitle(f"{title} {held_out['psnr']:.0f} dB", weight="bold")
+for key, image, title in (("c", view.measured, "measured"), ("d", view.reprojected, "predicted")):
+    drawn = axes[key].imshow(image, "inferno", vmin=0, vmax=view.measured.max())
+    axes[key].set(title=f"cam05, held out: {title}", xlabel="column (pixel)", ylabel="row (pixel)")
+figure.colorbar(drawn, ax=[axes["c"], axes["d"]], label="pixel value", shrink=0.8)
 plt.show()

@@ -51,19 +51,19 @@ volume, half_width = result.volume, result.half_width
 
 detail, near = volume - volume.resample(coarse).resample(grid), np.abs(volume - 0.5) < 0.2
 wrong = detail * np.sqrt(np.mean(half_width[near] ** 2) / np.mean(detail[near] ** 2)) / 1.645
-found, front, curvature = shape_of(volume)
-ends = np.sort([shape_of(volume + k * wrong)[0] for k in (-1, 1)], axis=0)
+(found, front, curvature), *others = (shape_of(volume + k * wrong) for k in (0, -1, 1))
+ends = np.sort([other[0] for other in others], axis=0)
 
 ball = trimesh.creation.icosphere(6)
 ball.vertices *= radius(ball.vertices)[:, None]
 true = [ball.area, *shape_of(tomo.Volume(phantoms.sample(flame, fine, 2), fine))[0][1:]]
-print("true, found, from, to:", np.round([true, found, *ends], 3).T.tolist())
+names = ("area (mm^2)", "curvature (1/mm)", "thickness (mm)")
+for name, *figures in zip(names, true, found, *ends, strict=True):
+    print("{}: true {:.3g}, found {:.3g}, from {:.3g} to {:.3g}".format(name, *figures))
 
-figure = plt.figure(figsize=(9, 4.5), layout="constrained")
-axes = figure.add_subplot(121, projection="3d", title="curvature: blue -0.3, red 0.3 per mm")
-drawn = axes.plot_trisurf(*front.vertices.T, triangles=front.faces, cmap="coolwarm")
-drawn.set(array=curvature[front.faces].mean(axis=1), clim=(-0.3, 0.3))
-axes = figure.add_subplot(122, title="found, with intervals, over true", ylim=(0.8, 1.4))
-axes.errorbar(["area", "curvature", "thickness"], found / true, abs(ends - found) / true, fmt="o")
-axes.axhline(1, color="0.6")
+how = {"b": {"projection": "3d", "title": "curvature: blue -0.3, red 0.3 per mm"}}
+figure, axes = plt.subplot_mosaic("ab", figsize=(9, 4), layout="constrained", per_subplot_kw=how)
+tomo.draw.light_row([axes["a"]], {"the volume": result})
+drawn = axes["b"].plot_trisurf(*front.vertices[:, [2, 0, 1]].T, triangles=front.faces)
+drawn.set(array=curvature[front.faces].mean(axis=1), clim=(-0.3, 0.3), cmap="coolwarm")
 plt.show()

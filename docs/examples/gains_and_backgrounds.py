@@ -32,25 +32,20 @@ images = zip(rig.names, dark_room.images(), background, strict=True)
 images = {name: image + light for name, image, light in images}
 scan = tomo.Scan.from_arrays(rig, images, grid, truth=dark_room.truth)
 
-volumes, titles = [scan.truth], ["truth"]
+volumes = {"truth": scan.truth}
 plain = {"screen": False, "refine_cameras": "none", "uncertainty": 0}
 for name, fit in (("ignored", False), ("fitted", True)):
     result = tomo.reconstruct(scan, options=tomo.Options(fit_gain=fit, **plain))
-    volumes.append(result.volume)
-    titles.append(f"{name}: error {result.report()['quality']['nrmse']:.0%}")
+    volumes[name] = result.volume
+    print(f"gains and backgrounds {name}: error {result.report()['quality']['nrmse']:.0%}")
 
 true = np.array(list(dark_room.effects["gains"].values()))
 gain, offset = (np.array(list(result.gains[key].values())) for key in ("gain", "offset"))
 true *= np.exp(np.log(gain / true).mean())  # the factor common to all is not in the images
-worst = np.abs(gain / true - 1).max()
-print(f"{titles[1]}, {titles[2]}; gains within {worst:.1%}")
+print(f"gains within {np.abs(gain / true - 1).max():.1%}")
 
-figure, axes = plt.subplot_mosaic("aabbcc;dddeee", figsize=(9, 7.5), layout="constrained")
-for key, volume, title in zip("abc", volumes, titles, strict=True):
-    middle = volume[:, :, 8].T
-    drawn = axes[key].imshow(middle, "inferno", extent=(-8, 8, -16, 16), origin="lower", vmin=0)
-    axes[key].set(title=title, xlabel="x (mm)", ylabel="y (mm)")
-    figure.colorbar(drawn, ax=axes[key], label="emission" if key == "c" else "")
+figure, axes = plt.subplot_mosaic("aabbcc;dddeee", figsize=(9, 9), layout="constrained")
+tomo.draw.light_row([axes[key] for key in "abc"], volumes, grid)
 for key, marks in (("d", (true, gain)), ("e", (background, offset))):
     axes[key].plot(marks[0], "ks", fillstyle="none", markersize=8, label="true")
     axes[key].plot(marks[1], "C1x", markersize=8, label="found")

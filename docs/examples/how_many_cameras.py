@@ -21,33 +21,28 @@ grid = tomo.VoxelGrid(shape=(24, 24, 24), spacing=1.0)  # mm
 fine = grid.refined(2)
 quick = tomo.Options(method="curvature", uncertainty=0, screen=False, refine_cameras="none")
 
-figure = plt.figure(figsize=(10, 6), layout="constrained")
-curves, slices = figure.subfigures(1, 2, width_ratios=[3, 2])
+figure = plt.figure(figsize=(10, 9), layout="constrained")
+*lights, curves = figure.subfigures(3, 1, height_ratios=[1, 1, 1.2])
 axes = curves.subplots()
-pictures = slices.subplots(3, 2)
-for column, (name, seed, colour) in enumerate(FLAMES):
+for light, (name, seed, colour) in zip(lights, FLAMES, strict=True):
     flame = phantoms.create(name, extent=grid.extent, seed=seed)
     flame, errors = phantoms.SampledField(phantoms.sample(flame, fine, 2), fine), []
+    volumes = {}
     for count in COUNTS:
         # over a half circle: a camera opposite another one adds little
         rig = rigs.ring(count, 180 / count, distance=400, image_size=(48, 40), footprint=0.7)
         scan = tomo.simulate(rig, flame, grid, supersample=2, refine=2, noise=0.02)
         result = tomo.reconstruct(scan, options=quick)
         errors.append(100 * result.report()["quality"]["nrmse"])
-        if count in (3, 12):
-            picture = pictures[1 + (count == 12), column]
-            picture.imshow(result.volume[:, 12].T, "inferno", vmin=0, vmax=scan.truth.max())
-            picture.set_title(f"{count} cameras", fontsize=9)
-    pictures[0, column].imshow(scan.truth[:, 12].T, "inferno", vmin=0, vmax=scan.truth.max())
-    pictures[0, column].set_title(f"{name}, truth", fontsize=9)
+        if count in (3, 6, 12):
+            volumes[f"{count} cameras"] = result.volume
+    shown = {f"{name}, truth": scan.truth} | volumes
+    tomo.draw.light_row(light.subplots(1, 4), shown, grid)
     axes.plot(COUNTS, errors, "o-", color=colour, label=f"{name} flame")
     print(f"{name}: {errors[0]:.0f} % error with 3 cameras, {errors[5]:.0f} % with 12")
-for picture in pictures.flat:
-    picture.set(xticks=[], yticks=[])
 axes.set(xscale="log", ylim=(0, None), xlabel="cameras", ylabel="error (NRMSE, %)")
 axes.set_xticks(COUNTS, COUNTS)
 axes.minorticks_off()
 axes.grid(alpha=0.3)
 axes.legend()
-axes.set_title("A wrinkled flame needs more cameras than a smooth one", weight="bold")
 plt.show()

@@ -34,19 +34,14 @@ volumes, images = {}, []
 for name, seen in (("without mirror", rig), ("with mirror", rig.through(Scene([mirror])))):
     scan = tomo.simulate(seen, flame, grid, **how)
     result = tomo.reconstruct(scan, options=options)
-    name += f": error {result.report()['quality']['nrmse']:.0%}"
-    print(name)
+    print(f"{name}: error {result.report()['quality']['nrmse']:.0%}")
     volumes[name] = result.volume
     images.append((name, scan.images()[0]))
-volumes["truth"] = scan.truth
 
-figure, axes = plt.subplot_mosaic("aaabbb;ccddee", figsize=(10, 5.5), layout="tight")
-for key, (name, image) in zip("ab", images, strict=True):
+figure, axes = plt.subplot_mosaic("aabbcc;dddeee", figsize=(10, 7.5), layout="constrained")
+shown = {"truth": scan.truth} | volumes
+tomo.draw.light_row([axes[key] for key in "abc"], shown, grid, eye=(28, 30))
+for key, (name, image) in zip("de", images, strict=True):
     axes[key].imshow(image, "gray")
-    axes[key].set(title=f"image {name.split(':')[0]}", xlabel="column", ylabel="row")
-for key, (name, volume) in zip("cde", volumes.items(), strict=True):
-    cut = volume[:, 12].T  # seen from above
-    drawn = axes[key].imshow(cut, "inferno", extent=(-8, 8, -8, 8), origin="lower", vmin=0, vmax=1)
-    axes[key].set(title=name, xlabel="x (mm)", ylabel="z (mm)")
-figure.colorbar(drawn, ax=axes["e"], label="emission")
+    axes[key].set(title=f"image {name}", xlabel="column (pixel)", ylabel="row (pixel)")
 plt.show()

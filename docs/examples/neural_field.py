@@ -47,12 +47,12 @@ default = tomo.reconstruct(scan, options=tomo.Options(hold_out=("cam04",), scree
 learned = tomo.operators.voxel_means(emission.detach().numpy())
 volumes = {"truth": scan.truth, "default": default, "neural field": learned}
 held = tomo.LinearSystem.from_rig(rig.without(*seen.names), grid).with_linear_basis()
-figure, axes = plt.subplots(1, 3, figsize=(9, 4.2), layout="constrained")
-for ax, (name, volume) in zip(axes, volumes.items(), strict=True):
-    error = tomo.metrics.nrmse(volume, scan.truth)
+figure, axes = plt.subplots(2, 3, figsize=(9, 9), layout="constrained")
+tomo.draw.light_row(axes[0], volumes, grid)
+for ax, (name, volume) in zip(axes[1], volumes.items(), strict=True):
     (view,) = held.images(held.projector.on_voxel_means @ volume.ravel())
-    psnr = tomo.metrics.psnr(view, images["cam04"])
-    ax.imshow(volume[:, :, 8].T, "inferno", extent=(-8, 8, -12, 12), origin="lower", vmax=0.9)
-    ax.set(title=f"{name}\nNRMSE {error:.2f}, {psnr:.1f} dB", xlabel="x (mm)", ylabel="y (mm)")
+    ax.imshow(view, "inferno", vmin=0, vmax=images["cam04"].max())
+    ax.set(title="seen by cam04", xlabel="column (pixel)", ylabel="row (pixel)")
+    error, psnr = tomo.metrics.nrmse(volume, scan.truth), tomo.metrics.psnr(view, images["cam04"])
     print(f"{name}: NRMSE {error:.3f}, PSNR of the view left out {psnr:.1f} dB")
 plt.show()

@@ -30,8 +30,8 @@ flame = phantoms.SampledField(phantoms.sample(flame, grid.refined(2), 2), grid.r
 how = {"supersample": 2, "refine": 2, "seed": 1}
 scans = [tomo.simulate(rig, flame, grid, photons=photons, **how) for photons in PHOTONS]
 
-figure = plt.figure(figsize=(11, 5.2), layout="constrained")
-curves, slices = figure.subfigures(1, 2)
+figure = plt.figure(figsize=(10, 7.5), layout="constrained")
+light, curves = figure.subfigures(2, 1, height_ratios=(1, 1.1))
 axes, shown = curves.subplots(), {"truth": scans[0].truth}
 for name, (colour, chosen) in METHODS.items():
     options = tomo.Options(uncertainty=0, screen=False, refine_cameras="none", **chosen)
@@ -39,17 +39,12 @@ for name, (colour, chosen) in METHODS.items():
     errors = [100 * one.report()["quality"]["nrmse"] for one in found]
     print(f"{name}: errors of {', '.join(f'{error:.0f} %' for error in errors)}")
     axes.loglog(PHOTONS, errors, "o-", color=colour, label=name)
-    shown[f"{name}: {errors[0]:.0f} % error"] = found[0].volume
+    shown[name.replace(", ", ",\n")] = found[0].volume
 axes.set(xlabel="photons in the brightest pixel", ylabel="error (NRMSE, %)")
 axes.set_yticks((20, 30, 50, 70), (20, 30, 50, 70))
 axes.minorticks_off()
 axes.grid(alpha=0.3)
 axes.legend()
-curves.suptitle("No fixed choice suits every exposure; the default adapts", weight="bold")
-del shown[next(name for name in shown if "variation" in name)]
-for panel, (name, volume) in zip(slices.subplots(2, 2).flat, shown.items(), strict=True):
-    panel.imshow(volume[:, 10].T, "inferno", vmin=0, vmax=scans[0].truth.max())
-    panel.set(xticks=[], yticks=[])
-    panel.set_title(name, fontsize=9)
-slices.suptitle("30 photons, plane y = 0", weight="bold")
+tomo.draw.light_row(light.subplots(1, 5), shown, grid)
+light.suptitle("From images with 30 photons in the brightest pixel")
 plt.show()

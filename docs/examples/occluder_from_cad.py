@@ -37,16 +37,16 @@ found = {"truth": scan.truth}
 options = tomo.Options(uncertainty=0, screen=False, refine_cameras="none")
 for name, cameras in (("holder in the scene", with_holder), ("holder forgotten", rig)):
     result = tomo.reconstruct(replace(scan, rig=cameras), options=options)
-    name = f"{name}:\nerror {result.report()['quality']['nrmse']:.0%}"
+    print(f"{name}: error {result.report()['quality']['nrmse']:.0%}")
     found[name] = result.volume
-    print(name.replace("\n", " "))
 
-figure, axes = plt.subplots(1, 4, figsize=(11, 4.4), layout="constrained")
-axes[0].imshow(scan.images()[0], "gray")
-axes[0].set(title="camera 0 sees\nthe holder", xlabel="column", ylabel="row")
-for ax, (name, volume) in zip(axes[1:], found.items(), strict=True):
-    cut, box = volume[:, :, 8].T, (-8, 8, -12, 12)
-    drawn = ax.imshow(cut, "inferno", extent=box, origin="lower", vmin=0, vmax=scan.truth.max())
-    ax.set(title=name, xlabel="x (mm)", ylabel="y (mm)")
-figure.colorbar(drawn, ax=axes[1:], label="emission")
+figure, axes = plt.subplot_mosaic("abc;def", figsize=(9, 9), layout="constrained")
+tomo.draw.light_row([axes[key] for key in "abc"], found, grid)
+axes["d"].imshow(scan.images()[0], "gray")
+axes["d"].set(title="camera 0 sees the holder", xlabel="column (pixel)", ylabel="row (pixel)")
+for key, (name, volume) in zip("ef", list(found.items())[1:], strict=True):
+    how = {"vmin": -0.5, "vmax": 0.5, "extent": (-8, 8, -12, 12), "origin": "lower"}
+    drawn = axes[key].imshow((volume - scan.truth)[:, :, 8].T, "RdBu_r", **how)
+    axes[key].set(title=f"{name}, z = 0.5 mm", xlabel="x (mm)", ylabel="y (mm)")
+figure.colorbar(drawn, ax=[axes["e"], axes["f"]], label="volume - truth", shrink=0.8)
 plt.show()

@@ -51,14 +51,12 @@ def train(strength):
 
 
 volumes = {"truth": scan.truth, "images alone": train(0), "total variation": train(1)}
-figure, axes = plt.subplots(1, 3, figsize=(10, 3.6), layout="constrained")
-for ax, (name, volume) in zip(axes, volumes.items(), strict=True):
-    error = np.linalg.norm(volume - scan.truth) / np.linalg.norm(scan.truth)
-    print(f"{name}: error {error:.0%} (NRMSE)")
+figure, axes = plt.subplots(2, 3, figsize=(10, 8), layout="constrained")
+tomo.draw.light_row(axes[0], volumes, grid)
+for ax, (name, volume) in zip(axes[1], volumes.items(), strict=True):
+    print(f"{name}: error {tomo.metrics.nrmse(volume, scan.truth):.0%} (NRMSE)")
     how = {"extent": (-10, 10, -10, 10), "origin": "lower", "vmin": 0, "vmax": 1.2}
     drawn = ax.imshow(volume[:, 12].T, "inferno", **how)
-    ax.set(
-        title=name + (f": error {error:.0%}" if error else ""), xlabel="x (mm)", ylabel="z (mm)"
-    )
-figure.colorbar(drawn, ax=axes, label="emission")
+    ax.set(title="plane y = 0.5 mm", xlabel="x (mm)", ylabel="z (mm)")
+figure.colorbar(drawn, ax=axes[1], label="emission", shrink=0.8)
 plt.show()

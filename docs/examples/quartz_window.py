@@ -38,14 +38,14 @@ volumes = {"truth": scan.truth}
 plain = tomo.Options(uncertainty=0, screen=False, refine_cameras="none")
 for name, cameras in (("windows in the scene", behind_glass), ("windows forgotten", rig)):
     result = tomo.reconstruct(replace(scan, rig=cameras), options=plain)
-    name = f"{name}:\nerror {result.report()['quality']['nrmse']:.0%}"
+    print(f"{name}: error {result.report()['quality']['nrmse']:.0%}")
     volumes[name] = result.volume
-    print(name.replace("\n", " "))
 
-figure, axes = plt.subplots(1, 3, figsize=(9, 5), layout="constrained")
-for ax, (name, volume) in zip(axes, volumes.items(), strict=True):
+figure, axes = plt.subplots(2, 3, figsize=(9, 9), layout="constrained")
+tomo.draw.light_row(axes[0], volumes, grid)
+for ax, volume in zip(axes[1], volumes.values(), strict=True):
     cut, box = volume[:, :, 8].T, (-8, 8, -12, 12)
     drawn = ax.imshow(cut, "inferno", extent=box, origin="lower", vmin=0, vmax=scan.truth.max())
-    ax.set(title=name, xlabel="x (mm)", ylabel="y (mm)")
-figure.colorbar(drawn, ax=axes, label="emission")
+    ax.set(title="plane z = 0.5 mm", xlabel="x (mm)", ylabel="y (mm)")
+figure.colorbar(drawn, ax=axes[1], label="emission", shrink=0.8)
 plt.show()

@@ -11,8 +11,6 @@ still, else all might move with the flame.
 itself; this is for a loop of your own, with losses and unknowns that the package does not have.
 """
 
-from dataclasses import replace
-
 import matplotlib.pyplot as plt
 import numpy as np
 import torch
@@ -30,15 +28,15 @@ ring = {"distance": 500, "image_size": (36, 48), "footprint": 0.55, "start_degre
 rig = rigs.ring(8, **ring, pitch_degrees=[8, -8] * 4)
 cameras, knock = list(rig), np.array([2.0, -1.0, 0.5, 0, 0, 0])  # right, down, roll ... in pixels
 cameras[1] = moved(cameras[1], knock, np.zeros(3))
-knocked = replace(rig, cameras=tuple(cameras))
-scan = tomo.simulate(knocked, flame, grid, supersample=2, refine=3, noise=0.01, seed=1)
+scan = tomo.simulate(
+    rigs.Rig(tuple(cameras)), flame, grid, supersample=2, refine=3, noise=0.01, seed=1
+)
 model = ImageModel(rig, grid, [Pose()], basis="linear")  # of the cameras before the knock
 measured = torch.from_numpy(model.system.flatten(scan.images()))
 
 root = torch.full(grid.shape, 0.3, requires_grad=True)  # its square is never negative
 pose = torch.zeros(len(rig), 6, requires_grad=True)
-free = torch.zeros(len(rig), 6)
-free[1, :3] = 1  # of cam01 alone
+free = torch.outer(torch.eye(len(rig))[1], torch.tensor([1.0, 1, 1, 0, 0, 0]))  # cam01 alone
 optimiser = torch.optim.Adam([{"params": [root], "lr": 0.03}, {"params": [pose], "lr": 0.1}])
 found = []
 for _ in range(120):
@@ -47,12 +45,13 @@ for _ in range(120):
     optimiser.step()
     found.append((free * pose).detach()[1, :3].numpy().copy())
 
-plt.figure(figsize=(7, 3.8), layout="constrained")
+figure, axes = plt.subplot_mosaic("abcc", figsize=(10, 4), layout="constrained")
+learned = tomo.operators.voxel_means(root.detach().square().numpy())
+tomo.draw.light_row([axes["a"], axes["b"]], {"truth": scan.truth, "found": learned}, grid)
 for values, name, true in zip(np.transpose(found), Pose.parameters, knock, strict=False):
     print(f"{name}: knocked by {true:+.1f} px, found {values[-1]:+.2f} px")
-    (line,) = plt.plot(values, label=name)
-    plt.axhline(true, color=line.get_color(), ls=":")
-plt.title("Motion of cam01: found, and true (dotted)", weight="bold")
-plt.gca().set(xlabel="step", ylabel="pixels")
-plt.legend(loc="center right", bbox_to_anchor=(1, 0.72))
+    (line,) = axes["c"].plot(values, label=name)
+    axes["c"].axhline(true, color=line.get_color(), ls=":")
+axes["c"].set(title="motion of cam01 (dotted: true)", xlabel="step", ylabel="pixels")
+axes["c"].legend()
 plt.show()

@@ -44,19 +44,19 @@ for seed, nm in enumerate(wavelengths):
 volumes = [result.volume for result in results]
 deviations = [result.uncertainty.standard_deviation for result in results]
 found, sigma = temperature_of_volumes(*volumes, wavelengths, deviations=deviations, faint=0.2)
-sigma = np.where(np.isfinite(found), sigma, np.nan)  # NaN: too faint for a temperature
-true = temperature(grid.centers())
+sigma, true = np.where(np.isfinite(found), sigma, np.nan), temperature(grid.centers())
 size, predicted = (np.sqrt(np.nanmean(of**2)) for of in (found - true, sigma))
 print(f"{np.isfinite(found).sum()} voxels: errors of {size:.0f} K, predicted {predicted:.0f} K")
 
-figure, axes = plt.subplots(1, 3, figsize=(11, 4.2), layout="constrained")
-for ax, values, title in ((axes[0], found, "temperature"), (axes[1], sigma, "its deviation")):
-    drawn = ax.imshow(values[:, :, 8].T, "inferno", extent=(-10, 10, -17.5, 17.5), origin="lower")
-    ax.set(title=title, xlabel="x (mm)", ylabel="y (mm)")
-    figure.colorbar(drawn, ax=ax, label="K", shrink=0.8)
-x, middle = grid.axes()[0], (slice(2, 14), 14, 8)
-axes[2].plot(x[2:14], true[middle], "k--", label="truth")
-axes[2].errorbar(x[2:14], found[middle], 2 * sigma[middle], fmt="C1o", label="found, 2 deviations")
-axes[2].set(title="through the middle", xlabel="x (mm)", ylabel="temperature (K)")
-axes[2].legend(loc="upper center")
+figure, axes = plt.subplot_mosaic("aabb;cdee", figsize=(10, 10), layout="constrained")
+tomo.draw.light_row([axes["a"], axes["b"]], {"550 nm": results[0], "700 nm": results[1]})
+for key, values, title in (("c", found, "temperature"), ("d", sigma, "its deviation")):
+    drawn = axes[key].imshow(values[:, :, 8].T, extent=(-10, 10, -17.5, 17.5), origin="lower")
+    figure.colorbar(drawn, label="K", shrink=0.6)
+    axes[key].set(title=title, xlabel="x (mm)", ylabel="y (mm)")
+x, middle, ax = grid.axes()[0], (slice(2, 14), 14, 8), axes["e"]
+ax.plot(x[2:14], true[middle], "k--", label="truth")
+ax.errorbar(x[2:14], found[middle], 2 * sigma[middle], fmt="C1o", label="found, 2 deviations")
+ax.set(title="through the middle", xlabel="x (mm)", ylabel="temperature (K)")
+ax.legend()
 plt.show()

@@ -39,20 +39,16 @@ predicted, true = (
     for of in (half_width, error)
 )
 
-figure, axes = plt.subplot_mosaic("abc;ddd", figsize=(9, 8), layout="constrained")
+figure, axes = plt.subplot_mosaic("abcd;eeee", figsize=(10, 8.5), layout="constrained")
+tomo.draw.light_row([axes[key] for key in "ab"], {"truth": scan.truth, "volume": result}, grid)
 most = np.quantile(error[:, :, 12], 0.995)
-for key, values, title, colours, top in (
-    ("a", volume, "the volume", "inferno", None),
-    ("b", half_width, "predicted half-width", "viridis", most),
-    ("c", error, "true error", "viridis", most),
-):
-    middle, box = values[:, :, 12].T, (-12, 12, -20, 20)
-    drawn = axes[key].imshow(middle, colours, extent=box, origin="lower", vmin=0, vmax=top)
+for key, values, title in (("c", half_width, "predicted half-width"), ("d", error, "true error")):
+    how = {"extent": (-12, 12, -20, 20), "origin": "lower", "vmin": 0, "vmax": most}
+    drawn = axes[key].imshow(values[:, :, 12].T, "viridis", **how)
     axes[key].set(title=title, xlabel="x (mm)", ylabel="y (mm)")
-    figure.colorbar(drawn, ax=axes[key], shrink=0.85)
-axes["d"].plot([0, most], [0, most], "0.6", label="as predicted")
-axes["d"].plot(predicted, true, "C1o-", label="a tenth of the emitting voxels each")
-axes["d"].set(title=f"{covered:.0%} of the 90 % intervals hold the truth", xlabel="half-width")
-axes["d"].set_ylabel("nine of ten errors are below")
-axes["d"].legend()
+figure.colorbar(drawn, ax=[axes["c"], axes["d"]], label="emission, z = 0.5 mm", shrink=0.8)
+axes["e"].plot([0, most], [0, most], "0.6", label="as predicted")
+axes["e"].plot(predicted, true, "C1o-", label="a tenth of the emitting voxels each")
+axes["e"].set(xlabel="half-width of the 90 % interval", ylabel="nine of ten errors are below")
+axes["e"].legend()
 plt.show()

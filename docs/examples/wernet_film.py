@@ -44,16 +44,13 @@ shared = wernet_paper_frames(projector, measured, callback=watch("one encoder"),
 alone = wernet_paper(projector, measured[0], callback=watch("one frame"), **how)
 tomo.solvers.art(projector, measured[0], relaxation=1.0, callback=watch("ART"), **how)
 
-ratios = {"width_ratios": [1, 1, 1, 3], "layout": "constrained"}
-figure, axes = plt.subplot_mosaic("ABCD", figsize=(9, 4), **ratios)
+figure, axes = plt.subplot_mosaic("ABC;DDD", figsize=(8, 8.5), layout="constrained")
 volumes = {"truth": film[0], "one encoder": shared[0].volume, "one frame": alone.volume}
-for panel, name in zip("ABC", volumes, strict=True):
-    axes[panel].imshow(volumes[name][:, :, 7].T, "inferno", origin="lower", vmax=film[0].max())
-    axes[panel].set(title=name, xticks=[], yticks=[])
+tomo.draw.light_row([axes[key] for key in "ABC"], volumes, grid)
 for name, curve in curves.items():
     axes["D"].semilogy(list(curve), list(curve.values()), label=name)
-axes["D"].set(xlabel="epochs, or passes", title="cosine distance of the first frame")
+axes["D"].set(xlabel="epochs, or passes", ylabel="cosine distance of the first frame")
 axes["D"].legend()
-print({name: round(min(curve.values()), 4) for name, curve in curves.items()})
-figure.suptitle("Five views: four frames give an encoder four times the steps", weight="bold")
+for name, curve in curves.items():
+    print(f"{name}: least cosine distance {min(curve.values()):.4f}")
 plt.show()

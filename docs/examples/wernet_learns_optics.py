@@ -28,30 +28,26 @@ fringes = (1 + 0.3 * np.sin(0.36 * np.arange(28) - 5)).astype(np.float32)  # wha
 images = {name: fringes * image for name, image in zip(rig.names, scan.images(), strict=True)}
 scan = tomo.Scan.from_arrays(rig, images, grid=grid, truth=scan.truth)
 
-volumes, errors = {"truth": scan.truth}, {}
+volumes = {"truth": scan.truth}
 how = {"screen": False, "refine_cameras": "none", "fit_absorption": False, "uncertainty": 0}
 for name, method in (("default", "auto"), ("WERNet", "wernet")):
     result = tomo.reconstruct(scan, options=tomo.Options(method=method, **how))
-    volumes[name], errors[name] = result.volume, result.report()["quality"]["nrmse"]
-    print(f"{name}: error {errors[name]:.0%} (NRMSE)")
+    volumes[name] = result.volume
+    print(f"{name}: error {result.report()['quality']['nrmse']:.0%} (NRMSE)")
 
-layout = {"layout": "constrained", "height_ratios": [3, 2]}
-figure, axes = plt.subplot_mosaic("AABBCC;DDDEEE", figsize=(9, 8), **layout)
-(x0, y0, _), (x1, y1, _) = grid.lower, grid.upper
-how = {"extent": (x0, x1, y0, y1), "origin": "lower", "vmin": 0, "vmax": scan.truth.max()}
-*panels, profile, passed = axes.values()
-for panel, colour, name in zip(panels, ("k", "#1b6fb0", "#c8511b"), volumes, strict=True):
-    panel.imshow(volumes[name][:, :, 7].T, "inferno", **how)
-    panel.set(title=name, xlabel="x (mm)", ylabel="y (mm)")
-    profile.plot(grid.axes()[1], volumes[name][5, :, 7], color=colour, label=name)
-profile.set(title="profile at x = -1.5 mm", xlabel="y (mm)", ylabel="emission")
-profile.legend()
+figure, axes = plt.subplot_mosaic("AABBCC;DDDEEE", figsize=(9, 9), layout="constrained")
+tomo.draw.light_row([axes[key] for key in "ABC"], volumes, grid)
+colours = {"truth": "k", "default": "#1b6fb0", "WERNet": "#c8511b"}
+for name, colour in colours.items():
+    axes["D"].plot(grid.axes()[1], volumes[name][5, :, 7], color=colour, label=name)
+axes["D"].set(title="profile at x = -1.5 mm", xlabel="y (mm)", ylabel="emission")
+axes["D"].legend()
 system = tomo.LinearSystem.from_rig(rig, grid)
 plain = system.images(system.projector @ result.volume.ravel())  # by segment lengths
 seen = [view.reprojected for view in result.views]  # by learned weights
-passed.plot(fringes, "k", label="truth")
-passed.plot(np.sum(seen, (0, 1)) / np.maximum(np.sum(plain, (0, 1)), 1), "o", color=colour)
-passed.set(title="light that the filters pass; dots: learned", xlabel="column", ylim=(0.5, 1.5))
-title = "Default: {default:.0%} error; learned weights, same images: {WERNet:.0%}"
-figure.suptitle(title.format(**errors), weight="bold")
+learned = np.sum(seen, (0, 1)) / np.maximum(np.sum(plain, (0, 1)), 1)
+axes["E"].plot(fringes, "k", label="truth")
+axes["E"].plot(learned, "o", color=colours["WERNet"], label="learned")
+axes["E"].set(title="light that the filters pass", xlabel="column (pixel)", ylim=(0.5, 1.5))
+axes["E"].legend()
 plt.show()

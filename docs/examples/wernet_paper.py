@@ -28,22 +28,16 @@ found = {
 }
 volumes = {"truth": scan.truth} | {name: one.volume for name, one in found.items()}
 
-layout = {"layout": "constrained", "height_ratios": [3, 2]}
-figure, axes = plt.subplot_mosaic("ABCD;EEEE", figsize=(9, 6.5), **layout)
-(x0, y0, _), (x1, y1, _) = grid.lower, grid.upper
-how = {"extent": (x0, x1, y0, y1), "origin": "lower", "vmin": 0, "vmax": scan.truth.max()}
-for panel, name in zip("ABCD", volumes, strict=True):
-    axes[panel].imshow(volumes[name][:, :, 7].T, "inferno", **how)
-    axes[panel].set(title=name, xlabel="x (mm)", ylabel="y (mm)")
+figure, axes = plt.subplot_mosaic("ABCD;EEEE", figsize=(10, 8), layout="constrained")
+tomo.draw.light_row([axes[key] for key in "ABCD"], volumes, grid)
 for name, colour in (("WERNet (paper)", "#c8511b"), ("ART", "#1b6fb0")):
     history = [one for one in found[name].solution.history if one.index]
-    axes["E"].semilogy(
-        [one.index for one in history], [one.distance for one in history], color=colour, label=name
-    )
+    steps, distances = zip(*((one.index, one.distance) for one in history), strict=True)
+    axes["E"].semilogy(steps, distances, color=colour, label=name)
 best = found["default"].report()["quality"]["cosine_distance"]
 axes["E"].axhline(best, color="k", ls=":", label="default")
 axes["E"].set(xlabel="epochs, or passes", ylabel="cosine distance from the truth")
 axes["E"].legend()
-print({name: one.report()["quality"]["cosine_distance"] for name, one in found.items()})
-figure.suptitle("Voxels and weights, trained from twelve images of one flame", weight="bold")
+for name, one in found.items():
+    print(f"{name}: cosine distance {one.report()['quality']['cosine_distance']:.5f}")
 plt.show()

@@ -8,6 +8,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "calibration.calibration_page": ["write_calibration_page"],
         "emission": ["Looks", "emission_image"],
         "film.visualize": ["visualize_film"],
+        "light_row": ["light_row"],
         "rig.visualize": ["visualize_check", "visualize_rig"],
         "scene": ["Label", "Mesh", "Scene"],
         "viewpoint": ["Viewpoint"],

@@ -1,0 +1,98 @@
+"""The light of several volumes beside each other, on a figure of the caller's."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tomo.draw.emission import COLOURS, EYE, emission_image, end_of_scale, of_integral
+from tomo.draw.figures import LIGHT_INK
+from tomo.draw.frame import Up
+from tomo.draw.shapes import box_corners
+from tomo.draw.viewpoint import Viewpoint
+from tomo.draw.volume.given import volume_of
+from tomo.grid import VoxelGrid
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from tomo.draw.volume.given import GivenVolume
+
+_PIXELS = 400
+"""Longer edge of each picture: a panel of three inches at the resolution of print."""
+
+
+def light_row(
+    axes: Sequence[Axes],
+    volumes: Mapping[str, GivenVolume],
+    grid: VoxelGrid | None = None,
+    *,
+    eye: tuple[float, float] = EYE,
+    full: float | None = None,
+    length_unit: str = "mm",
+    colours: str = COLOURS,
+) -> None:
+    """Draw each volume's light on one of the axes: line integrals, all in the same colours.
+
+    Parameters
+    ----------
+    axes : sequence of matplotlib Axes
+        One for each volume; the colour bar takes its room from all of them.
+    volumes : mapping of str to Reconstruction, Volume, DataArray, (nx, ny, nz) array or path
+        By their titles, in the order of the axes.
+    grid : VoxelGrid, optional
+        That of bare arrays.
+    eye : (float, float)
+        Azimuth and elevation in degrees from which the volumes are seen.
+    full : float, optional
+        End of the colours; a round number above the brightest pixel when None.
+    length_unit : str
+        That of bare arrays.
+    colours : str
+        A colour map of matplotlib.
+
+    Raises
+    ------
+    ValueError
+        If there are not as many axes as volumes, or a volume has no grid or another shape.
+    """
+    if len(axes) != len(volumes):
+        raise ValueError(
+            f"axes: found {len(axes)}, expected one for each of {len(volumes)} volumes"
+        )
+    bare = {name: type(volume) is np.ndarray for name, volume in volumes.items()}
+    given = [volume_of(one, grid if bare[name] else None) for name, one in volumes.items()]
+    views = [_view(one.grid, eye) for one in given]
+    images = [
+        emission_image(np.asarray(one), one.grid, view) for one, view in zip(given, views, strict=True)
+    ]
+    full = full or end_of_scale(max(float(image.max()) for image in images))
+    for panel, title, view, one, image in zip(axes, volumes, views, given, images, strict=True):
+        drawn = panel.imshow(image, colours, vmin=0, vmax=full)
+        panel.set_title(title)
+        panel.set(xticks=[], yticks=[], facecolor="black")
+        unit = one.length_unit or length_unit
+        _scale_bar(panel, view.pixel_at(one.grid.center), image.shape, unit)
+    light = of_integral(given[-1].value_unit, unit)
+    axes[0].figure.colorbar(drawn, ax=list(axes), label=f"light ({light})", shrink=0.8)
+
+
+def _view(grid: VoxelGrid, eye: tuple[float, float]) -> Viewpoint:
+    """Return the viewpoint from which the box fills a picture that is as wide as it needs."""
+    up, corners = Up(), box_corners(grid.lower, grid.upper)
+    how = (corners, up.eye_direction(*eye), up.vector)
+    square = Viewpoint.framing(*how, (_PIXELS, _PIXELS), (0.03,) * 4, distance=6)
+    width, height = np.ptp(square.project(corners), axis=0) / 0.94
+    size = round(max(width, 0.4 * height)), round(max(height, 0.4 * width))
+    return Viewpoint.framing(*how, size, (0.03,) * 4, distance=6)
+
+
+def _scale_bar(panel: Axes, pixel: float, shape: tuple[int, int], unit: str) -> None:
+    """Draw a line of a round length, about a quarter of the picture's width, and its length."""
+    height, width = shape
+    length = end_of_scale(0.2 * width * pixel)
+    start, level = 0.05 * width, 0.96 * height
+    panel.plot([start, start + length / pixel], [level, level], color=LIGHT_INK, linewidth=2)
+    panel.text(start, level - 0.02 * height, f"{length:g} {unit}", color=LIGHT_INK, fontsize=8)
