@@ -7,6 +7,7 @@ Does that spoil the volume? Ignored, it does. Fitted, it does not: every view of
 the same total light, and pixels beside the flame record the background alone, so the images
 themselves tell both.
 
+Gains come out within two per cent, and backgrounds within the noise of a pixel, here 0.05.
 Without ``fit_gain`` the default decides by itself whether to fit them. One factor common to all
 cameras stays unknown without a source of known radiance, see :doc:`/theory/radiometry`. The
 lines for ``scan.yaml`` that store the corrections are in :doc:`/guide/your_images`.

@@ -22,7 +22,7 @@ import tomo
 from rigs.scene import Mesh, Opaque, Scene
 from rigs.scene.mesh_file import read_mesh
 
-holder = trimesh.creation.cylinder(radius=2, height=60, sections=48)  # stands for your CAD file
+holder = trimesh.creation.cylinder(radius=4, height=60, sections=48)  # stands for your CAD file
 holder.apply_transform(trimesh.transformations.rotation_matrix(1.5708, [1, 0, 0], [0, 0, 0]))
 holder.apply_translation([2, 0, 40])
 holder.export("holder.stl")
@@ -47,6 +47,6 @@ axes["d"].set(title="camera 0 sees the holder", xlabel="column (pixel)", ylabel=
 for key, (name, volume) in zip("ef", list(found.items())[1:], strict=True):
     how = {"vmin": -0.5, "vmax": 0.5, "extent": (-8, 8, -12, 12), "origin": "lower"}
     drawn = axes[key].imshow((volume - scan.truth)[:, :, 8].T, "RdBu_r", **how)
-    axes[key].set(title=f"{name}, z = 0.5 mm", xlabel="x (mm)", ylabel="y (mm)")
-figure.colorbar(drawn, ax=[axes["e"], axes["f"]], label="volume - truth", shrink=0.8)
+    axes[key].set(title=name, xlabel="x (mm)", ylabel="y (mm)")
+figure.colorbar(drawn, ax=[axes["e"], axes["f"]], label="volume - truth, z = 0.5 mm", shrink=0.8)
 plt.show()

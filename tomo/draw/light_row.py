@@ -90,9 +90,10 @@ def _view(grid: VoxelGrid, eye: tuple[float, float]) -> Viewpoint:
 
 
 def _scale_bar(panel: Axes, pixel: float, shape: tuple[int, int], unit: str) -> None:
-    """Draw a line of a round length, about a quarter of the picture's width, and its length."""
+    """Draw a line of 1, 2 or 5 by a power of ten, below a third of the width, and its length."""
     height, width = shape
-    length = end_of_scale(0.2 * width * pixel)
+    power = 10.0 ** np.floor(np.log10(0.3 * width * pixel))
+    length = power * max(step for step in (1, 2, 5) if step * power <= 0.3 * width * pixel)
     start, level = 0.05 * width, 0.96 * height
     panel.plot([start, start + length / pixel], [level, level], color=LIGHT_INK, linewidth=2)
     panel.text(start, level - 0.02 * height, f"{length:g} {unit}", color=LIGHT_INK, fontsize=8)

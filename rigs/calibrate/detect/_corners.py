@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.detect._saddle import Saddles, fit_saddles
-from rigs.calibrate.detect.found import local_axes, smooth_map
+from rigs.calibrate.detect.found import is_flat_patch, local_axes, smooth_map
 
 _REACH = 16.0  # pixels around a corner; farther ones add more lens bending than information
 _SMALLEST_SIDE = 5.0  # pixels of a square; smaller ones leave too few for the fit
@@ -50,7 +50,7 @@ def refine_corners(
     for _ in range(2):
         axes = local_axes(positions, start)
         saddles, good = _fit(image, start, axes, gap, white, blur, bend)
-        if np.count_nonzero(good) < 4:
+        if not is_flat_patch(positions[good]):  # too few, or on one line: no map of the plane
             return saddles, np.zeros(len(good), bool)
         smooth, _ = smooth_map(positions[good], saddles.uv[good])
         off = np.linalg.norm(saddles.uv[good] - smooth, axis=-1)
@@ -58,7 +58,7 @@ def refine_corners(
         start = np.where(good[:, None], saddles.uv, start)
         blur = np.where(good, saddles.blur.max(axis=-1), blur)
         bend = np.zeros((len(positions), 2))
-        if np.count_nonzero(good) >= 4:
+        if is_flat_patch(positions[good]):
             bending = smooth_map(positions[good], start[good])[1]
             bend[good] = _curvature(local_axes(positions[good], start[good]), bending)
     return saddles, good

@@ -105,7 +105,11 @@ def evaluation_points(
     seen = views(rig, points)
     good = seen.sum(axis=0) > 1
     if volume is not None and not good.any():
-        raise ValueError("volume: found no point of it that two cameras see")
+        middle = ", ".join(f"{x:.4g}" for x in _swept(scene, observations).mean(axis=0))
+        raise ValueError(
+            "volume: found no point of it that two cameras see, expected its center near "
+            f"({middle}), where the target was; the world is: {rig.world_frame}"
+        )
     return points[good], seen[:, good]
 
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from rigs import Camera, Distortion
 from rigs.calibrate.detect import detections, find_target, observe
+from rigs.calibrate.detect._corners import refine_corners
 from rigs.calibrate.targets import parse_target
 
 CAMERA = Camera(
@@ -211,3 +212,14 @@ def test_blurred_images_are_listed(photograph):
     ((camera, frame, blur),) = found.blurred()
     assert (camera, frame) == ("cam", "9")
     assert blur == pytest.approx(3.0, abs=0.3)
+
+
+def test_corners_on_one_line_alone_are_no_board():
+    """Of two rows of corners one is plain paper: what is left gives no map of the plane."""
+    squares = np.indices((2, 8)).sum(axis=0) % 2
+    image = cv2.resize(squares.astype(np.float32), (160, 40), interpolation=cv2.INTER_NEAREST)
+    image = cv2.GaussianBlur(np.pad(image, 40, constant_values=1.0), (0, 0), 0.8)
+    positions = np.array([(x, y) for y in (0, 1) for x in range(7)], np.float64)
+    saddles, good = refine_corners(image, positions, 20 * positions + [59.5, 59.5])
+    assert np.allclose(saddles.uv[:7], 20 * positions[:7] + [59.5, 59.5], atol=0.05)
+    assert not good.any()

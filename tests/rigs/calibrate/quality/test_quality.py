@@ -1,10 +1,11 @@
 """A calibration's figures of its own accuracy against the truth."""
 
-from dataclasses import replace
+from dataclasses import re
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import replace
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
@@ -425,8 +426,10 @@ def test_a_camera_that_does_not_see_the_volume_is_named(case):
 
 def test_a_volume_nobody_sees_is_refused(case):
     _, observations, _ = case
-    with pytest.raises(ValueError, match="volume: found no point of it that two cameras see"):
+    with pytest.raises(ValueError, match="volume: found no point of it") as refused:
         calibrate(observations, volume=Volume((3, 3, 3), 1.0, (0.0, 0.0, -500.0)))
+    *_, depth = re.search(r"near \((.*)\)", str(refused.value))[1].split(",")
+    assert float(depth) == pytest.approx(800, abs=100)  # where the target was
 
 
 def test_the_volume_travels_with_the_rig(case):
