@@ -1,11 +1,11 @@
 """A calibration's figures of its own accuracy against the truth."""
 
-from dataclasses import re
+import re
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import replace
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
