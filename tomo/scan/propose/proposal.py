@@ -12,7 +12,7 @@ import numpy as np
 from rigs import Rig
 from rigs.recordings import read_still
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.measurement.stored_bits import stored_bits
+from tomo.measurement.stored_bits import FEWER, stored_bits
 from tomo.scan.films import frame_rate_of, notes_of_films
 from tomo.scan.propose.box import Box, box_of_light, grid_in
 from tomo.scan.propose.camera_images import (
@@ -181,6 +181,7 @@ def _looked_at(images: CameraImages) -> list[str]:
 
 def _bit_depth(images: CameraImages, said: dict[str, list[str]]) -> dict[str, Any]:
     """Return the bits that the numbers of 16-bit images show, where all cameras agree."""
+    largest = 0
     for frame in images.moments:
         paths = [image for image in frame.images.values() if isinstance(image, Path)]
         pixels = [read_still(path).pixels for path in paths]
@@ -193,6 +194,14 @@ def _bit_depth(images: CameraImages, said: dict[str, list[str]]) -> dict[str, An
                 f"{2**depth - 1}"
             ]
             return {"bit_depth": depth}
+        largest = max([largest, *(one.largest for one in bits)])
+    depth = next((bits for bits in FEWER if 0 < largest < 2**bits), None)
+    if depth is not None:
+        said["bit_depth"] = [
+            f"assumed: cameras of 16 bits, although no pixel is above {largest}; where they have "
+            f"{depth}, --bit-depth {depth} keeps the volume from being {2 ** (16 - depth)} times "
+            "too faint"
+        ]
     return {}
 
 

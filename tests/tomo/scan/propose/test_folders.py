@@ -142,6 +142,14 @@ def test_twelve_bits_are_seen_where_pixels_show_them(laid_out, scene, counts):
     assert found.said["bit_depth"][0].startswith("assumed: cameras of 12 bits")
 
 
+def test_a_bit_depth_that_unsaturated_pixels_leave_open_is_named(laid_out):
+    found = propose_scan(laid_out("{c}/{f}.tif", frames=("1",)), Request(**GIVEN))
+    assert found.corrections == {}
+    (line,) = found.said["bit_depth"]
+    assert "--bit-depth 12" in line
+    assert "16 times too faint" in line
+
+
 def test_images_in_two_places_are_named_and_the_option_decides(laid_out, scene):
     folder = laid_out("run1/{c}/{f}.tif", "run1/{c}/dark/{f}.tif")
     laid_out("run2/{c}/{f}.tif", "run2/{c}/dark/{f}.tif")
