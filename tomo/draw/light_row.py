@@ -63,19 +63,18 @@ def light_row(
             f"axes: found {len(axes)}, expected one for each of {len(volumes)} volumes"
         )
     bare = {name: type(volume) is np.ndarray for name, volume in volumes.items()}
-    given = [volume_of(one, grid if bare[name] else None) for name, one in volumes.items()]
-    views = [_view(one.grid, eye) for one in given]
-    images = [
-        emission_image(np.asarray(one), one.grid, view) for one, view in zip(given, views, strict=True)
+    given = [
+        volume_of(one, grid if bare[name] else None, length_unit) for name, one in volumes.items()
     ]
+    views = [_view(one.grid, eye) for one in given]
+    images = [emission_image(one, view) for one, view in zip(given, views, strict=True)]
     full = full or end_of_scale(max(float(image.max()) for image in images))
     for panel, title, view, one, image in zip(axes, volumes, views, given, images, strict=True):
         drawn = panel.imshow(image, colours, vmin=0, vmax=full)
         panel.set_title(title)
         panel.set(xticks=[], yticks=[], facecolor="black")
-        unit = one.length_unit or length_unit
-        _scale_bar(panel, view.pixel_at(one.grid.center), image.shape, unit)
-    light = of_integral(given[-1].value_unit, unit)
+        _scale_bar(panel, view.pixel_at(one.grid.center), image.shape, one.length_unit)
+    light = of_integral(given[-1].value_unit, given[-1].length_unit)
     axes[0].figure.colorbar(drawn, ax=list(axes), label=f"light ({light})", shrink=0.8)
 
 
