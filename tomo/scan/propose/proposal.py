@@ -195,11 +195,11 @@ def _bit_depth(images: CameraImages, said: dict[str, list[str]]) -> dict[str, An
             ]
             return {"bit_depth": depth}
         largest = max([largest, *(one.largest for one in bits)])
-    depth = next((bits for bits in FEWER if 0 < largest < 2**bits), None)
-    if depth is not None:
+    fewer = next((bits for bits in FEWER if 0 < largest < 2**bits), None)
+    if fewer is not None:
         said["bit_depth"] = [
             f"assumed: cameras of 16 bits, although no pixel is above {largest}; where they have "
-            f"{depth}, --bit-depth {depth} keeps the volume from being {2 ** (16 - depth)} times "
+            f"{fewer}, --bit-depth {fewer} keeps the volume from being {2 ** (16 - fewer)} times "
             "too faint"
         ]
     return {}
