@@ -58,7 +58,7 @@ def check_rig(
     time :
         Estimate time on this machine.
     out : FILE
-        A .png, .html or .glb file for maps; repeatable.
+        A .png, .pdf, .svg, .html or .glb file for maps; repeatable.
     noise : X
         Noise of a pixel as a fraction of the brightest, such as 0.01: says how small a fault of
         each camera the images of a flame of the box's size would tell.

@@ -53,7 +53,7 @@ def visualize_rig(
     Parameters
     ----------
     out : FILE
-        A .png, .html or .glb file to write; repeatable.
+        A .png, .pdf, .svg, .html or .glb file to write; repeatable.
     volume : FILE
         Shown in its place. A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with
         --spacing, or .nii and .nii.gz where nibabel is installed.

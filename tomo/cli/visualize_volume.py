@@ -40,7 +40,7 @@ def visualize_volume(
         A volume file: .npz, .vti, .nrrd, .nhdr, .mha, .mhd, .npy with --spacing, or .nii and
         .nii.gz where nibabel is installed.
     out : FILE
-        A .png, .html, .glb or .gif file to write; repeatable.
+        A .png, .pdf, .svg, .html, .glb or .gif file to write; repeatable.
     frames : A:B:C
         A slice of a store's frames, counted from 0.
     """

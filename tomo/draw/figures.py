@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import os
 import re
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rigs.files import atomic_path
@@ -75,6 +76,14 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def save_figure(figure: Figure, path: str | os.PathLike) -> None:
-    """Write the figure as a PNG file, whole or not at all."""
-    with atomic_path(path) as temporary:
-        temporary.write_bytes(png_bytes(figure))
+    """Write the figure as a .png, .pdf or .svg file, whole or not at all.
+
+    The same figure always gives the same bytes: the files have no date, and an SVG's names follow
+    from what they name.
+    """
+    import matplotlib as mpl
+
+    kind = Path(path).suffix.lower().removeprefix(".")
+    without = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    with atomic_path(path) as temporary, mpl.rc_context({"svg.hashsalt": "flametomo"}):
+        figure.savefig(temporary, format=kind, metadata=without[kind])

@@ -5,7 +5,10 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-PICTURE_SUFFIXES = (".png", ".html", ".glb")
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+"""The suffixes of flat pictures; text and lines of the last two can be enlarged."""
+
+PICTURE_SUFFIXES = (*FIGURE_SUFFIXES, ".html", ".glb")
 TURNING = ".gif"
 """The suffix of a volume that turns; rigs are not drawn so."""
 

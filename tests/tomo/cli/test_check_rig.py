@@ -120,7 +120,7 @@ def test_a_preset_and_a_grid_of_ones_own(run_tool):
         (("none.yaml",), "none.yaml: no such rig file"),
         (("RIG", "--grid", "3x4"), "--grid: found '3x4'"),
         (("RIG", "--pixel-accuracy", "0"), "--pixel-accuracy: found 0"),
-        (("RIG", "-o", "x.pdf"), "expected one of .png, .html, .glb"),
+        (("RIG", "-o", "x.eps"), "expected one of .png"),
         (("RIG", "--images", "nowhere", "-o", "OUT.html"), "nowhere: no such folder"),
         (("RIG", "--images", "nowhere"), "--images: found nowhere without a page, expected an .h"),
     ],

@@ -101,7 +101,7 @@ def test_volume_to_all_three(run_tool, tmp_path, volume):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (("paper11_33deg", "-o", "{}/a.pdf"), "expected one of .png, .html, .glb"),
+        (("paper11_33deg", "-o", "{}/a.eps"), "expected one of .png"),
         (("no_such_rig", "-o", "{}/a.png"), "no_such_rig"),
         (("paper11_33deg", "--grid", "3x4", "-o", "{}/a.png"), "--grid"),
         (("paper11_33deg", "--volume", "{}/none.npz", "-o", "{}/a.png"), "none.npz"),

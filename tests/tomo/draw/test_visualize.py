@@ -31,6 +31,17 @@ def test_a_volume_is_the_same_however_it_is_given(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("suffix", "begin"), [("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")]
+)
+def test_figures_have_the_same_bytes_each_time(tmp_path, suffix, begin):
+    for name in ("first", "second"):
+        visualize_volume(tmp_path / f"{name}.{suffix}", DATA, GRID, title="x")
+    first, second = ((tmp_path / f"{n}.{suffix}").read_bytes() for n in ("first", "second"))
+    assert first.startswith(begin)
+    assert first == second
+
+
+@pytest.mark.parametrize(
     ("given", "grid", "words"),
     [
         (DATA, None, "found an array of shape"),

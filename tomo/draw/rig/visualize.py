@@ -27,7 +27,7 @@ from tomo.draw.rig.targets import target_scene
 from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
 from tomo.draw.scene import Scene
 from tomo.draw.stage import Shown
-from tomo.draw.suffixes import suffix_of
+from tomo.draw.suffixes import FIGURE_SUFFIXES, suffix_of
 from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS, isosurface_scene
 from tomo.draw.write_glb import write_glb
@@ -67,7 +67,7 @@ def visualize_rig(
     Parameters
     ----------
     path : path-like
-        A .png, .html or .glb file to write.
+        A .png, .pdf, .svg, .html or .glb file to write.
     rig : Rig
     grid : VoxelGrid, optional
         The volume's, else the rig's own when None.
@@ -107,7 +107,7 @@ def visualize_rig(
     if isinstance(other, Rig):
         other = compare_on_grid(rig, other, grid)
     around = target_scene(rig) + (other_rig_scene(rig, other, grid) if other else Scene())
-    if suffix == ".png":
+    if suffix in FIGURE_SUFFIXES:
         from tomo.draw.rig.rig_picture import draw_rig
 
         around = around.without("other names")  # the first rig has the same
@@ -143,7 +143,7 @@ def visualize_check(
     Parameters
     ----------
     path : path-like
-        A .png, .html or .glb file to write.
+        A .png, .pdf, .svg, .html or .glb file to write.
     check : RigCheck
         Of `rigs.check_rig`.
     images, pattern, note
@@ -157,7 +157,7 @@ def visualize_check(
     """
     suffix, title, rig = suffix_of(path), title or Path(path).stem, check.coverage.rig
     maps, box = coverage_maps(check), cast("Volume", check.volume)
-    if suffix == ".png":
+    if suffix in FIGURE_SUFFIXES:
         save_figure(draw_coverage(maps, f"{title}: {check.assessment}"), path)
         return
     grid = VoxelGrid(box.shape, box.spacing, box.center)

@@ -17,7 +17,7 @@ from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.shapes import box_corners
 from tomo.draw.stage import Shown
 from tomo.draw.still import panel, show_light
-from tomo.draw.suffixes import TURNING, suffix_of
+from tomo.draw.suffixes import FIGURE_SUFFIXES, TURNING, suffix_of
 from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS, finite, isosurface_scene
@@ -50,7 +50,7 @@ def visualize_volume(
     Parameters
     ----------
     path : path-like
-        A .png, .html, .glb or .gif file to write; the last turns once around.
+        A .png, .pdf, .svg, .html, .glb or .gif file to write; the last turns once around.
     volume : Reconstruction, DataArray, (nx, ny, nz) array or path-like
     grid : VoxelGrid, optional
         Of a bare array.
@@ -69,7 +69,7 @@ def visualize_volume(
     value_unit = own.value_unit if value_unit is None else value_unit
     own = Volume(own, own.grid, length_unit or own.length_unit, value_unit)
     title = title or Path(path).stem
-    if suffix == ".png":
+    if suffix in FIGURE_SUFFIXES:
         save_figure(draw_volume(own, title=title, looks=looks), path)
     elif suffix == TURNING:
         with atomic_path(path) as temporary:
