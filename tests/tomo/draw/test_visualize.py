@@ -78,7 +78,7 @@ def test_another_rig_and_images_are_drawn(tmp_path):
 @pytest.mark.parametrize(
     ("draw", "words"),
     [
-        (lambda path: visualize_rig(path / "rig.pdf", RIG), r"suffix: found '.pdf', expected one"),
+        (lambda path: visualize_rig(path / "rig.eps", RIG), r"suffix: found '.eps', expected one"),
         (lambda path: visualize_volume(path / "a", DATA, GRID), "suffix: found '', expected one"),
         (lambda path: visualize_rig(path / "rig.png", rigs.Rig(())), "cameras: found none"),
         (lambda path: visualize_rig(path / "a.glb", RIG, volume=data_array(DATA, GRID, "m")),
