@@ -20,7 +20,17 @@ from tomo.pipeline.declared import option
 from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}
-OWN |= {"pattern", "bayer", "channel", "workers", "scheduler", "pictures", "json", "help"}
+OWN |= {
+    "pattern",
+    "bayer",
+    "channel",
+    "workers",
+    "scheduler",
+    "preview",
+    "pictures",
+    "json",
+    "help",
+}
 OWN |= {"dark", "flat", "gain", "mask", "saturation", "bit_depth"}
 
 
