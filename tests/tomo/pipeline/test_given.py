@@ -76,7 +76,7 @@ def expected_frames(made):
         ({"refine_cameras": "nominal"}, "refine_cameras: found no nominal camera"),
         ({"refine_cameras": "cam77"}, "refine_cameras: found camera 'cam77'"),
         ({"frame": "x"}, "frame: found 'x'"),
-        ({"methods": "sirt"}, "options: found 'methods', expected one of method, "),
+        ({"methods": "sirt"}, "options: found 'methods', did you mean method?"),
         ({"rig": RIG}, "rig: found one, expected none beside a scan's own"),
         ({"grid": tomo.VoxelGrid((4, 4, 4), 1.0, (900.0, 0, 0))}, "grid from (898"),
     ],

@@ -75,6 +75,6 @@ def test_a_hash_is_of_what_is_computed_not_of_words(tmp_path):
 
 
 def test_the_default_enters_inference_and_kernels_and_no_drawing():
-    modules = set(fingerprint.modules_of_default())
+    modules = set(fingerprint.origin()["default"]["modules"])
     assert {"tomo/inference/infer.py", "tomo/operators/spmv.py"} <= modules
     assert not [path for path in modules if path.startswith(("tomo/draw", "tomo/cli"))]

@@ -33,7 +33,7 @@ Row = dict[str, Any]
 
 UNCORRECTED: Mapping[str, Any] = {
     "screen": False,
-    "refine_cameras": "none",
+    "refine_cameras": ("none",),
     "align": False,
     "fit_gain": False,
     "fit_absorption": False,
