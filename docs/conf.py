@@ -54,14 +54,14 @@ numpydoc_xref_param_type = False
 # ---- gallery: one place for the order; an example that is not named comes last
 EXAMPLES = (
     # start
-    "first_volume", "own_tiffs", "real_plume", "rig_from_a_table",
+    "first_volume", "own_tiffs", "rig_from_a_table",
     # cameras
     "calibrate_from_charuco", "import_from_colmap", "is_my_rig_good_enough", "how_many_cameras",
     # methods
     "noise_and_prior", "wernet_learns_optics", "wernet_paper", "wernet_film",
     "gains_and_backgrounds",
     # trust
-    "red_verdict", "uncertainty_map", "flame_front",
+    "red_verdict", "uncertainty_map", "flame_front", "real_plume",
     # films
     "film_to_zarr", "film_mean_and_rms",
     # optics
