@@ -246,6 +246,16 @@ class Browser:
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
         return answer["result"].get("value")
 
+    @contextlib.contextmanager
+    def without_webgl(self):
+        """Open pages as a browser does that has no WebGL2."""
+        source = "HTMLCanvasElement.prototype.getContext = () => null;"
+        added = self.command("Page.addScriptToEvaluateOnNewDocument", source=source)
+        try:
+            yield
+        finally:
+            self.command("Page.removeScriptToEvaluateOnNewDocument", **added)
+
     def problems(self):
         """Return what the page's console and network reported as errors, and forget it."""
         events, self.events = self.events, []

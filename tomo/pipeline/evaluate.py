@@ -23,7 +23,7 @@ from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_options import may_learn
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
-from tomo.pipeline.peak import Peak, peak_of
+from tomo.pipeline.peak import Peak
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
@@ -143,10 +143,10 @@ def evaluate(
     apart: LinearSystem | None,
     reference: Reference,
     options: Options,
+    peak: Peak,
 ) -> Evaluated:
     """Compare the volume with the truth and its re-projections with the images."""
     views, learned = [], None
-    peak = peak_of(loaded.scan, loaded.frame, [loaded.images], counted(loaded, screened), options)
     alike: list[Mapping[str, Mapping[str, Any]]] = [{} for _ in compared.solutions]
     with timed() as stage:
         if apart is not None:

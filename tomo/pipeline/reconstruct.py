@@ -222,7 +222,9 @@ def _run_stages(
     step = pace.stage("comparing") if options.compare else None
     compared = compare(solved.built, options, watch=reference.watch, progress=step)
     pace.stage("predicted images")
-    evaluated = evaluate(loaded, ready.screened, solved, compared, ready.apart, reference, options)
+    evaluated = evaluate(
+        loaded, ready.screened, solved, compared, ready.apart, reference, options, peak
+    )
     tell(IMAGES, compared, evaluated)
     pace.expect({TRUST: pace.seconds[SOLVE]} if pace.expected else {})
     assessed = assess(solved, options, pace.stage(TRUST), ready.screened.light_error)

@@ -13,8 +13,8 @@ from typing import Any
 from rigs.files import atomic_path
 from rigs.progress import Progress
 from tomo.draw.figures import png_bytes
-from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
+from tomo.pipeline.reconstruct import PREVIEW, VOLUME
 from tomo.report.artist import Artist
 from tomo.report.outcome_files import (
     PREVIEW_FILES,
@@ -23,7 +23,9 @@ from tomo.report.outcome_files import (
     drawn,
     write_outcome,
     write_volumes,
+    write_with_units,
 )
+from tomo.report.pictures import Picture, write_pictures
 
 _FIGURES = ("matplotlib.backends.backend_agg", "tomo.draw.volume.visualize")
 _SCENES = ("tomo.draw.rig.visualize", "tomo.draw.write_html", "tomo.report.pictures")
@@ -58,20 +60,18 @@ class Ahead:
 
     def __call__(self, step: str, outcome: Reconstruction) -> None:
         """Write what is known at one of the steps ``preview``, ``volume`` and ``images``."""
-        if step == "preview":
+        if step == PREVIEW:
             self.preview(outcome)
-        elif step == "volume":
+        elif step == VOLUME:
             write_volumes(self.folder, outcome)
             self._complete(VOLUME_FILES[0], outcome, "without intervals and report")
         elif self.artist:
             self._first = self.artist.ask(drawn, outcome)
 
-    def preview(self, outcome: Reconstruction) -> Future[bytes] | None:
+    def preview(self, outcome: Reconstruction) -> Future[Picture] | None:
         """Write and say a preview; return what its picture is waited for by, if one is drawn."""
-        volume, figures, picture = (self.folder / name for name in PREVIEW_FILES)
-        found = outcome.volume
-        units = {"length_unit": found.length_unit, "value_unit": found.value_unit}
-        write_volume(volume, found, found.grid, **units, allow_nan=True)
+        volume, figures, _ = (self.folder / name for name in PREVIEW_FILES)
+        write_with_units(volume, outcome.volume, allow_nan=True)
         with atomic_path(figures) as temporary:
             text = json.dumps(outcome.report(), indent=2, allow_nan=False) + "\n"
             temporary.write_text(text, "utf-8")
@@ -80,10 +80,9 @@ class Ahead:
         if self.artist is None:
             return None
 
-        def write(png: bytes) -> None:
-            with atomic_path(picture) as temporary:
-                temporary.write_bytes(png)
-            self.say(f"open {picture}")
+        def write(found: Picture) -> None:
+            (path,) = write_pictures(self.folder, [found])
+            self.say(f"open {path}")
 
         asked = self.artist.ask(_preview_picture, outcome, then=write)
         self.artist.ask(_load, *_SCENES)
@@ -118,9 +117,10 @@ def _load(*modules: str) -> None:
         import_module(name)
 
 
-def _preview_picture(outcome: Reconstruction) -> bytes:
-    """Return the picture of a preview's volume as PNG."""
+def _preview_picture(outcome: Reconstruction) -> Picture:
+    """Return the picture of a preview's volume."""
     from tomo.draw.volume import draw_volume
     from tomo.report.result_figures import seen_volume
 
-    return png_bytes(draw_volume(seen_volume(outcome), title="Preview"))
+    png = png_bytes(draw_volume(seen_volume(outcome), title="Preview"))
+    return Picture(PREVIEW, png, "A preview", "Light and planes of a coarse volume")

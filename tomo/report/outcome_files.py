@@ -19,6 +19,7 @@ from tomo.draw.rig.visualize import RigPage
 from tomo.draw.scene import Scene
 from tomo.draw.stage import Shown, stage
 from tomo.draw.write_html import write_page
+from tomo.grid.volume import Volume
 from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.stage import as_warning
@@ -118,7 +119,7 @@ def write_outcome(
     ``with_pictures`` is False, and the page has none; those ``known`` are not drawn again. The
     page names the ``command`` that was given.
     """
-    report, volume = outcome.report(), outcome.volume
+    report = outcome.report()
     with whole_folder(folder, last=(PAGE, FIGURES), others=(*_OTHERS, *PREVIEW_FILES)) as staging:
         _write_volumes(staging, outcome)
         for names, values in (
@@ -126,8 +127,7 @@ def write_outcome(
             (INTERVAL_FILES, outcome.half_width),
         ):
             for name in names if values is not None else ():
-                path, units = staging / name, (volume.length_unit, volume.value_unit)
-                write_volume(path, values, volume.grid, units[0], value_unit=units[1])
+                write_with_units(staging / name, outcome.volume.like(values))
         shown = known or (drawn(outcome) if with_pictures else Drawn())
         report["warnings"] += shown.warnings
         write_pictures(staging, shown.pictures)
@@ -149,11 +149,15 @@ def write_volumes(folder: str | os.PathLike, outcome: Reconstruction) -> None:
         _write_volumes(staging, outcome)
 
 
-def _write_volumes(folder: Path, outcome: Reconstruction) -> None:
-    volume = outcome.volume
+def write_with_units(path: Path, volume: Volume, *, allow_nan: bool = False) -> None:
+    """Write a volume with its own grid and units; voxels may be NaN where that is allowed."""
     units = {"length_unit": volume.length_unit, "value_unit": volume.value_unit}
+    write_volume(path, volume, volume.grid, **units, allow_nan=allow_nan)
+
+
+def _write_volumes(folder: Path, outcome: Reconstruction) -> None:
     for name in VOLUME_FILES:
-        write_volume(folder / name, volume, volume.grid, **units, allow_nan=True)
+        write_with_units(folder / name, outcome.volume, allow_nan=True)
 
 
 def _write_pages(folder: Path, outcome: Reconstruction) -> dict[str, Any]:

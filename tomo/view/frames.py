@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 MOST_BYTES = 256_000_000
-"""Of volumes kept. Lower: going back in a film reads again; higher: memory."""
+"""Bytes of volumes kept. Lower: going back in a film reads again; higher: memory."""
 
 SCALE_FRAMES = 5
 """Frames that the common scale of a film is taken from: reading all would take minutes."""

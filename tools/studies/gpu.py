@@ -18,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 from studies.benchmark.gpu import COLUMNS, SIZES, check, run  # noqa: E402
-from studies.common.page import markdown  # noqa: E402
+from studies.common.page import markdown, said  # noqa: E402
 from studies.common.study import Request  # noqa: E402
 from tomo.operators.gpu import CudaDevice  # noqa: E402
 
@@ -34,12 +34,6 @@ def tested() -> int:
     return subprocess.run(
         [sys.executable, *command], cwd=ROOT, env=environment, check=False
     ).returncode
-
-
-def said(line: str) -> None:
-    """Print a line at once: the machine may be taken away."""
-    sys.stdout.write(f"{line}\n")
-    sys.stdout.flush()
 
 
 def main() -> int:

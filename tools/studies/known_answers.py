@@ -21,6 +21,7 @@ if __name__ == "__main__":
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 from rigs.files.json_file import plain, write_json  # noqa: E402
+from studies.common.page import said  # noqa: E402
 from studies.common.scans import reconstructed  # noqa: E402
 from studies.scenes.findings import findings_of, verdict_of  # noqa: E402
 from studies.scenes.recipe import Recipe  # noqa: E402
@@ -106,38 +107,29 @@ def main() -> int:
     parser.add_argument("--data", type=Path, help="The folder of real image sets.")
     parser.add_argument("--update", action="store_true", help="Write what is found.")
     asked, known = parser.parse_args(), read_answers()
-    jobs = {
-        name: (entry["answer"], lambda recipe=entry["recipe"]: of_scene(recipe))
-        for name, entry in known["scenes"].items()
-    }
-    if asked.data:
-        jobs |= {
-            name: (known["real"].get(name, {}), lambda run=run: run(asked.data))
-            for name, run in REAL.items()
-            if (asked.data / name).is_dir() or _is_missing(asked.data / name)
-        }
-    wrong = 0
-    for name, (answer, run) in jobs.items():
-        found = plain(run(), digits=5)
-        lines = differences(answer, found)
-        wrong += bool(lines)
-        bits = ", same bits" if found.get(BITS) == answer.get(BITS) and BITS in found else ""
-        sys.stdout.write(f"{name}: {'; '.join(lines) or 'as known'}{bits}\n")
-        sys.stdout.flush()
-        if name in known["scenes"]:
-            known["scenes"][name]["answer"] = found
-        else:
-            known["real"][name] = found
+    same = True
+    for name, entry in known["scenes"].items():
+        found = plain(of_scene(entry["recipe"]), digits=5)
+        same &= _is_as_known(name, entry["answer"], found)
+        entry["answer"] = found
+    for name, run in REAL.items() if asked.data else ():
+        if not (asked.data / name).is_dir():
+            said(f"{name}: left out: {asked.data / name} is no folder")
+            continue
+        found = plain(run(asked.data), digits=5)
+        same &= _is_as_known(name, known["real"].get(name, {}), found)
+        known["real"][name] = found
     if asked.update:
         write_json(ANSWERS, known, indent=1)
-        return 0
-    return int(wrong > 0)
+    return int(not (same or asked.update))
 
 
-def _is_missing(folder: Path) -> bool:
-    """Say that a set is left out."""
-    sys.stdout.write(f"{folder.name}: left out: {folder} is no folder\n")
-    return False
+def _is_as_known(name: str, known: Mapping[str, Any], found: Mapping[str, Any]) -> bool:
+    """Say what differs; return whether nothing does."""
+    lines = differences(known, found)
+    bits = ", same bits" if BITS in found and found[BITS] == known.get(BITS) else ""
+    said(f"{name}: {'; '.join(lines) or 'as known'}{bits}")
+    return not lines
 
 
 def _bits(outcome: Reconstruction) -> str:

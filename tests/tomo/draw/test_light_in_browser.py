@@ -129,16 +129,12 @@ def test_a_page_opens_as_asked_and_fits(open_page, tmp_path, width, levels):
 
 def test_without_webgl_a_picture_stands_in(browser, open_page, tmp_path):
     visualize_volume(tmp_path / "a.html", flame())
-    without = "HTMLCanvasElement.prototype.getContext = () => null;"
-    added = browser.command("Page.addScriptToEvaluateOnNewDocument", source=without)
-    try:
+    with browser.without_webgl():
         found = open_page(tmp_path / "a.html").evaluate(
             "const image = document.querySelector('.sight img');"
             "return [image.hidden, image.naturalWidth, getComputedStyle(stages[0].canvas).display,"
             " document.querySelector('.controls').textContent];"
         )
-    finally:
-        browser.command("Page.removeScriptToEvaluateOnNewDocument", **added)
     assert found[0] is False
     assert found[1] > 200
     assert found[2] == "none"

@@ -93,7 +93,7 @@ def test_arrays_of_other_libraries_stay_on_the_device_and_give_the_same_fits(
 
 @pytest.mark.parametrize(("gain", "expected"), [(1.0, set()), (1.08, {"gain"})])
 def test_the_same_is_found_as_on_the_cpu(observed, there, gain, expected):
-    """Sizes differ by a part of what exact cameras make of an effect: what is not told anyway."""
+    """Sizes differ by a fifth at most of the spread that exact cameras leave."""
     found = []
     for one in (observed[0], there):
         images = (one.images[0], np.float32(gain) * one.images[1], *one.images[2:])

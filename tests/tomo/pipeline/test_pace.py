@@ -33,15 +33,15 @@ def test_each_stage_has_its_seconds(clock):
 
 
 def test_nothing_is_said_of_the_whole_until_something_is_expected(clock):
-    told = []
-    own = Pace(lambda *step: told.append(step))
+    calls = []
+    own = Pace(lambda *step: calls.append(step))
     step = own.stage("tracing")
     step(1, 4, "cam01")
-    assert told == [(0, 1, "plan: tracing"), (1, 4, "plan: tracing: cam01")]
+    assert calls == [(0, 1, "plan: tracing"), (1, 4, "plan: tracing: cam01")]
     clock(1)
     own.expect({"tracing": 4, "solve": 6})
     step(2, 4, "cam02")
-    (spent, whole, words), last = told[-2:]
+    (spent, whole, words), last = calls[-2:]
     assert last == (2, 4, "plan: tracing: cam02")
     assert (spent, words) == (10, WHOLE)
     assert whole == 10 * (1 + 0.5 * (0.5 * 4 + 1) + 6)

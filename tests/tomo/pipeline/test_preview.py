@@ -34,14 +34,14 @@ def scan():
 @pytest.fixture(scope="module")
 def run(scan, choose_quickly):
     """Return the whole run, what came early, and the progress with what had come by then."""
-    early, told = [], []
+    early, calls = [], []
     with choose_quickly():
         outcome = tomo.reconstruct(
             scan,
             early=lambda *one: early.append(one),
-            progress=lambda *step: told.append((*step, len(early))),
+            progress=lambda *step: calls.append((*step, len(early))),
         )
-    return outcome, early, told
+    return outcome, early, calls
 
 
 def test_preview_volume_and_images_come_in_this_order(run):
@@ -58,9 +58,9 @@ def test_preview_volume_and_images_come_in_this_order(run):
 
 
 def test_stages_come_in_their_order_around_them(run):
-    _, _, told = run
+    _, _, calls = run
     first = {}
-    for done, total, step, came in told:
+    for done, total, step, came in calls:
         if step != WHOLE:
             assert 0 <= done <= total
             first.setdefault(stage_of(step)[0], came)
@@ -73,10 +73,10 @@ def test_stages_come_in_their_order_around_them(run):
 
 
 def test_the_whole_is_told_once_the_preview_is_there(run):
-    _, _, told = run
-    came = [came for _, _, step, came in told if step == WHOLE]
+    _, _, calls = run
+    came = [came for _, _, step, came in calls if step == WHOLE]
     assert min(came) == 1
-    shares = [done / total for done, total, step, _ in told if step == WHOLE]
+    shares = [done / total for done, total, step, _ in calls if step == WHOLE]
     assert all(0 <= share <= 1 for share in shares)
     assert shares[-1] > 0.9
 

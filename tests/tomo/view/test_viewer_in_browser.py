@@ -230,17 +230,13 @@ def test_a_narrow_page_fits_and_errors_are_said(open_viewer, content, flames):
 
 
 def test_without_webgl_a_picture_stands_in_and_cameras_are_compared(browser, open_viewer, content):
-    without = "HTMLCanvasElement.prototype.getContext = () => null;"
-    added = browser.command("Page.addScriptToEvaluateOnNewDocument", source=without)
-    try:
+    with browser.without_webgl():
         found = open_viewer(content).evaluate(
             COMPARED + "const image = document.querySelector('.sight img');"
             "return [image.hidden, image.naturalWidth,"
             " document.querySelector('.controls').textContent,"
             " compared.querySelector('output').textContent];"
         )
-    finally:
-        browser.command("Page.removeScriptToEvaluateOnNewDocument", **added)
     assert found[0] is False
     assert found[1] > 200
     assert "offers no WebGL2" in found[2]

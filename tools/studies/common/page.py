@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+import sys
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -82,6 +83,12 @@ def significant(value: float | None, digits: int = 3) -> str:
     if exponent < -4 or exponent > 12:
         return f"{value:.{digits - 1}e}"
     return f"{value:,.{max(digits - 1 - exponent, 0)}f}"
+
+
+def said(line: str) -> None:
+    """Print a line at once: what comes next takes long, or the machine may be taken away."""
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
 
 
 def _scalar_keys(rows: Sequence[Row]) -> list[str]:

@@ -17,7 +17,7 @@ from tomo import VoxelGrid, save_scan
 from tomo.io.volumes import read_volume, readable_endings
 
 DATE = (2000, 1, 1, 0, 0, 0)
-"""Of all files of an archive: the same scenes make the same bytes."""
+"""The date of all files of an archive: the same scenes make the same bytes."""
 
 
 def write_archive(path: Path, names: Iterable[str], cache: Path, grid: VoxelGrid) -> None:

@@ -19,7 +19,7 @@ from studies.emission.scenes import Emission, Seen
 from tomo import Options, reconstruct, solvers
 
 SWEEPS = 100
-"""Of ART and SART at the most, as papers have them."""
+"""The most passes of ART and SART, as papers have them."""
 
 PAPER_RAYS = 1_500_000
 """Rays that wernet-paper learns from, over all epochs: its 80 would take an hour a scene."""

@@ -29,7 +29,7 @@ from tomo.cli.inputs import check_output_file, check_output_folder
 PART = "scenes"
 SIZES = {"full": (GRID, tuple(SCENES)), "quick": (GRID, QUICK), "tiny": (TINY_GRID, QUICK[:1])}
 MOST_POINTS = 24
-"""Of a curve that is kept."""
+"""Points of a curve that are kept."""
 
 
 def run(

@@ -18,7 +18,7 @@ Row = Mapping[str, Any]
 
 BASELINE = "auto"
 MARKS = ("*", "^", "s", "P", "X")
-"""Of the methods that choose their own end, in the order of `METHODS`."""
+"""Signs of the methods that choose their own end, in the order of `METHODS`."""
 
 FIGURES = ("nrmse", "cosine_distance", "ssim", "held_out_psnr", "cpu_seconds")
 

@@ -215,7 +215,7 @@ def test_blurred_images_are_listed(photograph):
 
 
 def test_corners_on_one_line_alone_are_no_board():
-    """Of two rows of corners one is plain paper: what is left gives no map of the plane."""
+    """One of two rows of corners is plain paper: the other gives no map of the plane."""
     squares = np.indices((2, 8)).sum(axis=0) % 2
     image = cv2.resize(squares.astype(np.float32), (160, 40), interpolation=cv2.INTER_NEAREST)
     image = cv2.GaussianBlur(np.pad(image, 40, constant_values=1.0), (0, 0), 0.8)
