@@ -1,6 +1,8 @@
 """What other programs read of the project: its metadata, citation, conda recipe and Dockerfile."""
 
+import importlib.util
 import re
+import shutil
 import tomllib
 from configparser import ConfigParser
 from pathlib import Path
@@ -15,6 +17,10 @@ CONFIG.read(ROOT / "setup.cfg")
 METADATA = CONFIG["metadata"]
 DOCKERFILE = (ROOT / "packaging" / "Dockerfile").read_text("utf-8")
 RECIPE = yaml.safe_load((ROOT / "packaging" / "conda" / "recipe.yaml").read_text("utf-8"))
+
+SPEC = importlib.util.spec_from_file_location("release", ROOT / "packaging" / "release.py")
+release = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(release)
 
 # Names of a distribution on conda-forge, where they differ from pip's
 ON_CONDA_FORGE = {
@@ -148,3 +154,32 @@ def test_the_context_of_the_image_holds_what_pip_reads(name):
     assert name in kept
     assert all((ROOT / one).exists() for one in kept)
     assert kept >= {"README.md", "flametomo.py", "tomo", "rigs", "phantoms"}
+
+
+def test_an_index_of_packages_gets_absolute_links():
+    text = (ROOT / "README.md").read_text("utf-8")
+    found = release.absolute(text, "https://a.org/{tag}/{path}", "https://f.org/{path}", "v1")
+    targets = re.findall(r"\]\(([^)]*)\)", found)
+    assert len(targets) > 20
+    assert all(one.startswith(("https://", "#")) for one in targets)
+    assert "](https://f.org/docs/flame.gif)" in found
+    assert re.search(r"\]\(https://a\.org/v1/docs/results/\w+\.md#[\w-]+\)", found)
+    for path in re.findall(r"https://(?:a\.org/v1|f\.org)/([^)#]*)", found):
+        assert (ROOT / path).exists()
+
+
+def test_a_release_needs_its_version_and_its_day_in_all_files(tmp_path):
+    names = ("CITATION.cff", "CHANGELOG.md", "packaging/conda/recipe.yaml")
+    (tmp_path / "packaging/conda").mkdir(parents=True)
+    for name in names:
+        shutil.copy(ROOT / name, tmp_path / name)
+    version = METADATA["version"]
+    for name, old, new in (
+        ("CHANGELOG.md", f"[{version}] - unreleased", f"[{version}] - 2026-12-01"),
+        ("CITATION.cff", "license:", "date-released: 2026-12-01\nlicense:"),
+    ):
+        text = (tmp_path / name).read_text("utf-8")
+        (tmp_path / name).write_text(text.replace(old, new), "utf-8")
+    assert release.faults(tmp_path, version) == []
+    lines_found = release.faults(tmp_path, "9.9.9")
+    assert {line.partition(":")[0] for line in lines_found} == set(names)
