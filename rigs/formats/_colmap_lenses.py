@@ -14,8 +14,9 @@ Source: ``src/colmap/sensor/models`` at https://github.com/colmap/colmap; Devern
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,12 +24,10 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import shortened
-from rigs.formats import _sphere_models
-from rigs.formats._image_size import check_table_size
+from rigs.formats._lens_rays import behind_fisheye, check_table_size, sphere, table_of
 from rigs.formats._values import as_count, errors_of, numbers_of_line
 from rigs.geometry.image_checks import pixel_centres
 from rigs.lens import Distortion
-from rigs.ray_table import RayTable
 
 #: Of every model: its number in binary files, what holds it here ("table": rays; nothing: no
 #: camera can), and its parameters in their order.
@@ -71,32 +70,25 @@ _SLOTS = {
 
 @dataclass(frozen=True)
 class Sensor:
-    """A line of ``cameras.txt``: a camera without its pose, and its model where it has no lens.
+    """A line of ``cameras.txt``: a camera without its pose, a pinhole where it has no lens.
 
-    Examples
-    --------
-    >>> Sensor(Camera("1", (9, 7), [[80, 0, 4], [0, 80, 3], [0, 0, 1]])).rays_of
+    ``finish`` makes the posed camera's table of rays where it needs one.
     """
 
     camera: Camera
-    rays_of: tuple[str, tuple[tuple[str, float], ...]] | None = None
+    finish: Callable[[Camera], CameraLike]
 
-    def posed(self, name: str, R: NDArray, t: NDArray) -> Camera:
-        """Return the camera under another name at a pose; as a pinhole where it has no lens."""
-        return replace(self.camera, name=name, R=R, t=t)
 
-    def finished(self, camera: Camera) -> CameraLike:
-        """Return a posed camera of this sensor, with its table of rays if it needs one."""
-        if self.rays_of is None:
-            return camera
-        model, values = self.rays_of
-        with errors_of(f"camera {camera.name}"):
-            check_table_size(camera.image_size)
-        K = camera.camera_matrix
-        plane = (pixel_centres(camera.image_size) - K[:2, 2]) / np.diag(K)[:2]
-        seen = _directions(model, dict(values), plane) @ camera.R
-        rows = seen.reshape(*camera.image_size[::-1], 3)
-        return RayTable(camera.name, camera.position, rows, status="calibrated")
+def _unchanged(camera: Camera) -> CameraLike:
+    return camera
+
+
+def _with_rays(camera: Camera, model: str, values: tuple[tuple[str, float], ...]) -> CameraLike:
+    with errors_of(f"camera {camera.name}"):
+        check_table_size(camera.image_size)
+    K = camera.camera_matrix
+    plane = (pixel_centres(camera.image_size) - K[:2, 2]) / np.diag(K)[:2]
+    return table_of(camera, _directions(model, dict(values), plane))
 
 
 def read_sensor(number: str, words: Sequence[str]) -> Sensor:
@@ -114,17 +106,13 @@ def read_sensor(number: str, words: Sequence[str]) -> Sensor:
         fx, fy = (values[key if key in values else "f"] for key in ("fx", "fy"))
         K = [[fx, 0.0, values["cx"] - 0.5], [0.0, fy, values["cy"] - 0.5], [0.0, 0.0, 1.0]]
     camera = Camera(number, size, K, distortion or Distortion(), status="calibrated")
-    return Sensor(camera, None if distortion else (model, tuple(values.items())))
+    if distortion:
+        return Sensor(camera, _unchanged)
+    return Sensor(camera, partial(_with_rays, model=model, values=tuple(values.items())))
 
 
 def _lens_of(model: str, values: Mapping[str, float]) -> Distortion | None:
-    """Return the lens of a model's parameters, or None where only a table of rays holds it.
-
-    Raises
-    ------
-    ValueError
-        Naming the model, or the parameter, that neither holds.
-    """
+    """Return the lens of a model's parameters, or None where only a table of rays holds it."""
     _, kind, _ = MODELS[model]
     if model == "THIN_PRISM_FISHEYE" and not any(values[k] for k in ("p1", "p2", "sx1", "sy1")):
         kind = "fisheye"
@@ -157,7 +145,7 @@ def _directions(
     For models of which `_lens_of` returns None.
     """
     if model == "EUCM":
-        return _sphere_models.directions("eucm", (values["alpha"], values["beta"]), plane)
+        return sphere("eucm", (values["alpha"], values["beta"]), plane)
     radius = np.linalg.norm(plane, axis=1, keepdims=True)
     if model == "FOV":
         omega = abs(values["omega"])
@@ -169,10 +157,7 @@ def _directions(
         k1, k2, k3, p1, p2, s1, s3 = (values[name] for name in _PRISM)
         prism = Distortion("thin_prism", (k1, k2, p1, p2, k3, 0, 0, 0, s1, 0, s3, 0))
         seen = prism.unproject(plane)
-        bent = seen[:, :2] / seen[:, 2:]
-        angle = np.linalg.norm(bent, axis=1, keepdims=True)
-        angle = np.where(angle < np.pi, angle, np.nan)
-        seen = np.hstack([bent * np.sinc(angle / np.pi), np.cos(angle)])
+        seen = behind_fisheye(seen[:, :2] / seen[:, 2:])
     else:
         forward = 1 + values["k"] * radius**2
         seen = np.hstack([plane, np.where(forward > 0, forward, np.nan)])

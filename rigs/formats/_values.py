@@ -1,24 +1,30 @@
-"""Values from foreign files, checked; errors are one line."""
+"""Values from foreign files, checked; errors are one line.
+
+Formats of one file a camera: a file is a camera, a folder of them a rig.
+"""
 
 from __future__ import annotations
 
 import logging
 import math
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
-from pathlib import Path
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.camera_protocol import CameraLike
 from rigs.files.text import check_plain_file, shortened
 from rigs.geometry.rotation import rotation
+from rigs.recordings import image_size
 
 logger = logging.getLogger(__name__)
 
 _HEAD = 65536  # bytes
+_IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 RIGID = 1e-4  # deviation from orthonormal, or each other, of rotations stored with few digits
 
 
@@ -165,3 +171,70 @@ def numbers_of_line(fields: Sequence[str], names: Sequence[str]) -> list[float]:
             f"found {len(fields)} values, expected {len(names)}: {' '.join(names)[:60]}"
         )
     return [as_number(word, name) for word, name in zip(fields, names, strict=True)]
+
+
+def cameras_of(
+    path: Path,
+    files_of: Callable[[Path], list[Path]],
+    read: Callable[[Path], CameraLike],
+    what: str,
+) -> tuple[CameraLike, ...]:
+    """Return the camera of a file, or those of a folder.
+
+    Parameters
+    ----------
+    path : Path
+    files_of : callable
+        From a folder to its cameras' files.
+    read : callable
+        From a file to its camera.
+    what : str
+        The files that a folder should hold.
+
+    Raises
+    ------
+    ValueError
+        If a folder holds none; or of a camera, beginning with its file.
+    """
+    files = files_of(path) if path.is_dir() else [path]
+    if not files:
+        raise ValueError(f"{path}: found no {what}")
+    cameras = []
+    for file in files:
+        with errors_of_file(file):
+            cameras.append(read(file))
+    return tuple(cameras)
+
+
+def image_beside(folders: Iterable[Path], stem: str) -> Path | None:
+    """Return the image of that stem in the first of some folders that has one, or None."""
+    files = (folder / f"{stem}{suffix}" for folder in folders for suffix in _IMAGES)
+    return next((file for file in files if file.is_file()), None)
+
+
+def image_listed(folder: Path, name: str) -> tuple[PurePosixPath, Path]:
+    """Return an image's name in a list and where to look for it: inside the list's folder.
+
+    Lists come from other machines: of a path that is absolute or goes up the last part counts.
+    """
+    image = PurePosixPath(name.replace("\\", "/"))
+    if image.is_absolute() or ".." in image.parts or ":" in name:  # C:/
+        image = PurePosixPath(image.name)
+    return image, folder / image
+
+
+def required_size(
+    given: tuple[int, int] | None, format_name: str, image: Path | None = None
+) -> tuple[int, int]:
+    """Return the size given, else that of ``image``; raise if neither is there."""
+    size = given
+    if size is None and image is not None and image.is_file():
+        with suppress(OSError, ValueError):
+            size = image_size(image)
+    if not size:
+        source = f", or the image {image} in the file's folder" if image else ""
+        raise ValueError(
+            f"image_size: missing, as {format_name} files hold none, "
+            f"expected convert-rig's --image-size WIDTHxHEIGHT{source}"
+        )
+    return size

@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 import re
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path, PurePosixPath
 
@@ -15,7 +15,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike, LensCamera
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
-from rigs.formats._image_size import check_tables
+from rigs.formats._lens_rays import limited
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
@@ -27,25 +27,20 @@ Frames = list[tuple[str, dict[str, Path]]]
 class Views:
     """The images of a file with their cameras, collected one by one.
 
-    Parameters
+    Attributes
     ----------
     path : Path
-        The file; ``fields`` are its names of a camera's fields, for errors.
-    fields : mapping
-
-    Examples
-    --------
-    >>> Views(Path("sfm.json"), {}).images
-    []
+        The file.
+    lost : list of str
+        Views without a pose, which are left out.
     """
 
     path: Path
-    fields: Mapping[str, str]
     images: list[PurePosixPath] = field(default_factory=list)
     cameras: list[Camera] = field(default_factory=list)
     sensors: list[object] = field(default_factory=list)
-    lost: list[str] = field(default_factory=list)
     finish: list[Callable[[Camera], CameraLike]] = field(default_factory=list)
+    lost: list[str] = field(default_factory=list)
 
     def add(
         self,
@@ -70,7 +65,7 @@ class Views:
         self.finish.append(finish or _unchanged)
 
     def rig(self, unit: str = UNKNOWN, frame: str | None = None) -> Rig:
-        """Return the rig of the images; those in ``lost``, without a pose, are named.
+        """Return the rig of the images; those in ``lost`` are named.
 
         Raises
         ------
@@ -82,21 +77,29 @@ class Views:
         if self.lost:
             logger.warning("%s: left out %d views without a pose: %s", self.path, len(self.lost),
                            shortened(", ".join(self.lost)))  # fmt: skip
-        given, stem = [None] * len(self.images), self.path.stem
+        given = [None] * len(self.images)
         sensors = None if None in self.sensors else self.sensors
-        names, frames = named(self.images, self.cameras, given, stem, sensors)
-        folder = self.path.parent
-        found, _ = grouped(folder, self.images, self.cameras, names, frames, self.fields)
-        finish = dict(zip(reversed(names), reversed(self.finish), strict=True))
-        for name, other in zip(names, self.finish, strict=True):
-            if _parts(other) != _parts(finish[name]):
-                raise ValueError(f"camera {name}: {self.fields['distortion']}: differs between "
-                                 "its images, expected the same in all")  # fmt: skip
-        cameras: list[CameraLike] = []
-        for camera in found:
-            cameras.append(finish[camera.name](camera))
-            check_tables(cameras)
-        return Rig(tuple(cameras), unit, frame or f"as in {self.path.name}")
+        names, frames = named(self.images, self.cameras, given, self.path.stem, sensors)
+        cameras = finished(self.images, self.cameras, names, frames, self.finish)
+        return Rig(cameras, unit, frame or f"as in {self.path.name}")
+
+
+def finished(
+    images: Sequence[PurePosixPath],
+    cameras: Sequence[Camera],
+    names: Sequence[str],
+    frames: Sequence[str],
+    finish: Sequence[Callable[[Camera], CameraLike]],
+) -> tuple[CameraLike, ...]:
+    """Return the different cameras of images, each made by its images' ``finish``."""
+    found, _ = grouped(Path(), images, cameras, names, frames)
+    first = dict(zip(reversed(names), reversed(finish), strict=True))
+    for name, other in zip(names, finish, strict=True):
+        if _parts(other) != _parts(first[name]):
+            raise ValueError(
+                f"camera {name}: distortion: differs between its images, expected the same in all"
+            )
+    return limited(first[camera.name](camera) for camera in found)
 
 
 def _parts(finish: Callable) -> tuple[object, ...]:
@@ -124,11 +127,6 @@ def named(
 
     ``sensors`` tells, where a file does, which images one physical camera took. Where all folders
     are of one that moved between the images of a folder, every image is a camera too.
-
-    Raises
-    ------
-    ValueError
-        If images that name no camera are of one camera, and their names do not say which moment.
     """
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}
@@ -214,13 +212,8 @@ def grouped(
     cameras: Sequence[Camera],
     names: Sequence[str],
     frame_names: Sequence[str],
-    fields: Mapping[str, str],
 ) -> tuple[list[Camera], Frames]:
-    """Return the different cameras and the images by frame and camera.
-
-    ``fields`` gives the file's names of a camera's fields, for the error about two images of one
-    camera that differ.
-    """
+    """Return the different cameras and the images by frame and camera."""
     by_name: dict[str, tuple[Camera, PurePosixPath]] = {}
     frames: dict[str, dict[str, Path]] = {}
     for image, camera, name, frame in zip(images, cameras, names, frame_names, strict=True):
@@ -228,7 +221,7 @@ def grouped(
         field = difference(camera, first)
         if field:
             raise ValueError(
-                f"camera {name}: {fields[field]}: differs between {first_image} and {image}, "
+                f"camera {name}: {field}: differs between {first_image} and {image}, "
                 "expected the same in all its entries: where cameras moved round a still scene, "
                 "put their images into one folder, which makes each image a camera"
             )

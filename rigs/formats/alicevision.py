@@ -49,13 +49,6 @@ _LENSES: dict[str, tuple[int | None, ...]] = {
     "fisheye4": (0, 1, 2, 3),
     "fisheye": (0, 1, 2, 3),
 }
-_FIELDS = {
-    "image_size": "intrinsicId",
-    "distortion": "intrinsicId",
-    "camera_matrix": "intrinsicId",
-    "R": "rotation",
-    "t": "center",
-}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -68,7 +61,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     data = read_json_mapping(path)
     version = tuple(flat(data.get("version", ()), "version").tolist())
     lenses, poses = _by(data, "intrinsics", "intrinsicId"), _by(data, "poses", "poseId")
-    views = Views(path, _FIELDS)
+    views = Views(path)
     for number, view in _by(data, "views", "viewId").items():
         name = view.get("path")
         with errors_of(f"view {number}"):

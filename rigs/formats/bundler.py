@@ -14,7 +14,6 @@ https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterator
 from itertools import islice
 from pathlib import Path
@@ -23,25 +22,22 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.files.text import iter_lines, shortened
-from rigs.files.units import UNKNOWN
-from rigs.formats._image_size import image_listed, required_size
 from rigs.formats._values import (
     as_count,
     as_rotation,
     errors_of,
+    image_listed,
     numbers_of_line,
+    required_size,
 )
-from rigs.formats._views import grouped, named
+from rigs.formats._views import Views
 from rigs.lens import Distortion
 from rigs.rig import Rig
-
-logger = logging.getLogger(__name__)
 
 _HEAD = "# Bundle file"
 _LENS = ("f", "k1", "k2")
 _TURN = [[f"R{i}{j}" for j in "123"] for i in "123"]
 _SHIFT = ("t1", "t2", "t3")
-_FIELDS = {"image_size": "image", "distortion": "k1, k2", "camera_matrix": "f", "R": "R", "t": "t"}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -50,14 +46,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``bundle.out``.
-
-    Parameters
-    ----------
-    path : Path
-    image_size : (int, int), optional
-        Width and height of all images; by default those of the images of the list.
-    """
+    """Return the rig of a ``bundle.out``."""
     lines = iter_lines(path)
     head = next(lines, "")
     if not head.startswith(_HEAD):
@@ -65,30 +54,16 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     counts = next(lines, "").split()
     count = as_count(counts[0] if counts else None, "number of cameras")
     folder, names = _names(path, count)
-    images, cameras, missing = [], [], []
+    views = Views(path)
     for name in names if names else (f"camera{i}" for i in range(count)):
         image, file = image_listed(folder, name)
         with errors_of(f"image {name}"):
             camera = _camera(lines, image_size, file if names else None)
         if camera is None:
-            missing.append(name)
+            views.lost.append(name)
         else:
-            images.append(image)
-            cameras.append(camera)
-    if not cameras:
-        raise ValueError("f: found 0 in all images, expected one that is oriented")
-    if missing:
-        logger.warning(
-            "%s: f is 0 for %s: %d of %d images, which were not oriented, are left out",
-            path,
-            ", ".join(missing[:3]) + (", ..." if len(missing) > 3 else ""),
-            len(missing),
-            count,
-        )
-    given = [None] * len(images) if names else [image.name for image in images]
-    titles, frames = named(images, cameras, given, path.stem)
-    found, _ = grouped(folder, images, cameras, titles, frames, _FIELDS)
-    return Rig(tuple(found), UNKNOWN, f"as in {path.name}")
+            views.add(str(image), camera)
+    return views.rig()
 
 
 def _names(path: Path, count: int) -> tuple[Path, list[str]]:
@@ -121,7 +96,4 @@ def _camera(
     width, height = required_size(image_size, "Bundler", file)
     K = [[f, 0.0, (width - 1) / 2], [0.0, f, (height - 1) / 2], [0.0, 0.0, 1.0]]
     lens = Distortion("brown", (k1, k2, 0.0, 0.0)) if k1 or k2 else Distortion()
-    try:
-        return Camera("entry", (width, height), K, lens, R, t, status="calibrated")
-    except ValueError as error:
-        raise ValueError(str(error).removeprefix("camera entry: ")) from None
+    return Camera("entry", (width, height), K, lens, R, t, status="calibrated")

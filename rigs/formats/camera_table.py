@@ -23,8 +23,7 @@ from pathlib import Path
 from rigs.camera import Camera, look_at, pinhole_matrix
 from rigs.files.text import read_text
 from rigs.files.units import UNITS, UNKNOWN, metres
-from rigs.formats._image_size import required_size
-from rigs.formats._values import as_number, as_size, errors_of
+from rigs.formats._values import as_number, as_size, errors_of, required_size
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)

@@ -17,34 +17,27 @@ https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from itertools import dropwhile
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike, LensCamera, has_lens
 from rigs.files.text import iter_lines, shortened, write_text
 from rigs.files.units import UNKNOWN
-from rigs.formats._colmap_binary import text_of
+from rigs.formats._colmap_files import POSE, has_several_sensors, read_sensors, rig_texts, text_of
 from rigs.formats._colmap_lenses import MODELS, Sensor, read_sensor
-from rigs.formats._colmap_rigs import has_several_sensors, read_sensors, rig_texts
-from rigs.formats._image_size import check_tables
 from rigs.formats._lens import named_model, refuse_skew, refuse_tables
+from rigs.formats._lens_rays import limited
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
-from rigs.formats._views import difference, grouped, named
+from rigs.formats._views import difference, finished, named
 from rigs.geometry.rotation import matrix_of_quaternion, quaternion_of_matrix
 from rigs.rig import Rig
 
 _STEMS, _ENDINGS = ("cameras", "images", "rigs", "frames"), (".txt", ".bin")
-_POSE = ["QW", "QX", "QY", "QZ", "TX", "TY", "TZ"]
-_FIELDS = {
-    "image_size": "WIDTH, HEIGHT",
-    "distortion": "PARAMS",
-    "camera_matrix": "PARAMS",
-    "R": "QW, QX, QY, QZ",
-    "t": "TX, TY, TZ",
-}
 _FILES = tuple(f"{stem}{ending}" for stem in _STEMS for ending in _ENDINGS)
 
 
@@ -89,26 +82,15 @@ def _load(folder: Path, ending: str) -> Rig:
         names, frames = named(images, cameras, [None] * len(images), stem, taken_by)
         if is_rig and _is_moving(names, cameras):
             return _rig_of_sensors(rigs, sensors, dict(zip(numbers, names, strict=True)))
-        found, _ = grouped(folder, images, cameras, names, frames, _FIELDS)
-        lenses: dict[str, Sensor] = {}
-        for name, number in zip(names, numbers, strict=True):
-            if lenses.setdefault(name, sensors[number]).rays_of != sensors[number].rays_of:
-                raise ValueError(f"camera {name}: PARAMS: differs between its images")
-        finished: list[CameraLike] = []
-        for camera in found:
-            finished.append(lenses[camera.name].finished(camera))
-            check_tables(finished)
-        return Rig(tuple(finished), UNKNOWN, "as in COLMAP's model")
+        finish = [sensors[number].finish for number in numbers]
+        found = finished(images, cameras, names, frames, finish)
+        return Rig(found, UNKNOWN, "as in COLMAP's model")
 
 
 def save(rig: Rig, path: Path) -> None:
-    """Write a model into a folder: cameras, images, rigs, frames and no points.
-
-    Raises
-    ------
-    ValueError
-        Naming a camera whose lens or skew COLMAP lacks.
-    """
+    """Write a model into a folder: cameras, images, rigs, frames and no points."""
+    if not len(rig):
+        raise ValueError("cameras: found none, expected at least one")
     cameras = refuse_tables(rig, "COLMAP")
     folder = path.parent if path.name in _FILES else path
     lines = [_camera_line(index, camera) for index, camera in enumerate(cameras, 1)]
@@ -213,16 +195,16 @@ def _read_images(
         words = line.split(maxsplit=9)
         if len(words) != 10:
             raise ValueError(
-                f"found {shortened(line)}, expected IMAGE_ID {' '.join(_POSE)} CAMERA_ID NAME"
+                f"found {shortened(line)}, expected IMAGE_ID {' '.join(POSE)} CAMERA_ID NAME"
             )
         image = PurePosixPath(words[9].strip().replace("\\", "/"))
         with errors_of(f"image {words[9].strip()}"):
-            pose = numbers_of_line(words[1:8], _POSE)
+            pose = numbers_of_line(words[1:8], POSE)
             number = as_count(words[8], "CAMERA_ID")
             if number not in sensors:
                 raise ValueError(f"CAMERA_ID: found {number}, expected one of cameras.txt")
             R = matrix_of_quaternion(pose[:4], "QW, QX, QY, QZ")
-            camera = sensors[number].posed(str(number), R, np.array(pose[4:]))
+            camera = replace(sensors[number].camera, R=R, t=np.array(pose[4:]))
         views.append((image, camera, number))
     return views
 
@@ -238,15 +220,17 @@ def _is_moving(names: Sequence[str], cameras: Sequence[Camera]) -> bool:
 
 def _rig_of_sensors(file: Path, sensors: dict[int, Sensor], names: dict[int, str]) -> Rig:
     """Return the rig of ``rigs.txt``, its cameras named by their images' folders."""
+
+    def camera(number: int, R: NDArray, t: NDArray) -> CameraLike:
+        if number not in sensors:
+            raise ValueError(f"SENSOR_ID: found {number}, expected one of cameras.txt")
+        name = names.get(number, f"camera{number}")
+        return sensors[number].finish(replace(sensors[number].camera, name=name, R=R, t=t))
+
     with errors_of_file(file):
-        cameras = []
-        for number, (R, t) in read_sensors(list(_lines(file))).items():
-            if number not in sensors:
-                raise ValueError(f"SENSOR_ID: found {number}, expected one of cameras.txt")
-            name = names.get(number, f"camera{number}")
-            cameras.append(sensors[number].finished(sensors[number].posed(name, R, t)))
-            check_tables(cameras)
-        return Rig(tuple(cameras), UNKNOWN, "the reference sensor's axes")
+        poses = read_sensors(list(_lines(file)))
+        cameras = limited(camera(number, R, t) for number, (R, t) in poses.items())
+        return Rig(cameras, UNKNOWN, "the reference sensor's axes")
 
 
 def _camera_line(number: int, camera: LensCamera) -> str:

@@ -31,9 +31,8 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.files.text import read_text
 from rigs.files.units import UNKNOWN
-from rigs.formats._image_size import required_size
-from rigs.formats._projection import camera_of_matrix, look_away
-from rigs.formats._values import as_number, errors_of
+from rigs.formats._values import as_number, errors_of, required_size
+from rigs.formats.projection import camera_of_matrix, look_away
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)

@@ -24,9 +24,8 @@ from rigs.camera import Camera
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import by_suffix, keys_found, matrix, read_storage, turn, vector
-from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector
-from rigs.formats._values import RIGID, as_count, errors_of, read_head
+from rigs.formats._values import RIGID, as_count, errors_of, read_head, required_size
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)

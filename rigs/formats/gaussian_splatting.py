@@ -31,13 +31,6 @@ from rigs.formats._views import Views
 from rigs.rig import Rig
 
 _FOREIGN = re.compile(r"c[xy]|[kp]\d|skew|.*(?:dist|principal|model).*", re.IGNORECASE)
-_FIELDS = {
-    "image_size": "width, height",
-    "distortion": "fx, fy",
-    "camera_matrix": "fx, fy",
-    "R": "rotation",
-    "t": "position",
-}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -54,7 +47,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     data = read_json(path)
     if not isinstance(data, list) or not data:
         raise ValueError(f"found {shortened(data)}, expected a list of cameras")
-    views = Views(path, _FIELDS)
+    views = Views(path)
     for index, entry in enumerate(data):
         views.add(*_view(index, entry))
     return views.rig()

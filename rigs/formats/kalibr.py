@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_yaml_mapping, shortened
-from rigs.formats._sphere_models import PARAMETERS, table_of
+from rigs.formats._lens_rays import SPHERES, sphere_table
 from rigs.formats._values import (
     as_array,
     as_mapping,
@@ -92,7 +92,7 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
                 f"distortion_model: found {shortened(lens)}, "
                 f"expected one of {', '.join(_LENSES[model])} for {model}"
             )
-        count = len(PARAMETERS.get(model, ()))
+        count = len(SPHERES.get(model, ()))
         intrinsics = as_array(required(entry, "intrinsics"), (count + 4,), "intrinsics").tolist()
         fu, fv, pu, pv = intrinsics[count:]
         size = as_size(required(entry, "resolution"), "resolution")
@@ -107,4 +107,4 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
     if model == "pinhole":
         return camera
     with errors_of(f"camera {name}"):
-        return table_of(camera, model, intrinsics[:count])
+        return sphere_table(camera, model, intrinsics[:count])

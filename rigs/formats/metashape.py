@@ -35,7 +35,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.files.xml_file import read_xml
-from rigs.formats._metashape_lens import table_of
+from rigs.formats._lens_rays import metashape_table
 from rigs.formats._values import (
     as_array,
     as_count,
@@ -55,13 +55,6 @@ _LENS = ("k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
 _TYPES = {
     "frame": ("brown", ("k1", "k2", "p2", "p1", "k3")),
     "fisheye": ("fisheye", ("k1", "k2", "k3", "k4")),
-}
-_FIELDS = {
-    "image_size": "sensor_id",
-    "distortion": "sensor_id",
-    "camera_matrix": "sensor_id",
-    "R": "transform",
-    "t": "transform",
 }
 #: A local system in metres, or a geographic one, for which chunks lead to geocentric metres.
 _METRES = re.compile(
@@ -101,7 +94,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     chunk = chunks[0]
     sensors = {e.get("id"): e for e in chunk.iterfind("sensors/sensor")}
     worlds = {e.get("id"): e.find("transform") for e in chunk.iterfind("components/component")}
-    views, lost, scaled = Views(path, _FIELDS), [], set()
+    views, lost, scaled = Views(path), [], set()
     for element in chunk.iterfind("cameras//camera"):
         label = element.get("label") or f"camera{element.get('id')}"
         is_posed, is_on = element.find("transform") is not None, element.get("enabled")
@@ -156,7 +149,7 @@ def _with_rays(camera: Camera, sensor: Sensor) -> CameraLike:
     if sensor.distortion is not None:
         return camera
     with errors_of(f"camera {camera.name}"):
-        return table_of(camera, dict(sensor.lens), sensor.kind == "fisheye")
+        return metashape_table(camera, dict(sensor.lens), sensor.kind == "fisheye")
 
 
 def _camera(element: Element, sensors: dict, world: Similarity) -> tuple[Camera, Sensor]:

@@ -16,8 +16,7 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.files.text import read_text, shortened
-from rigs.formats._image_size import required_size
-from rigs.formats._values import as_number, as_rotation, errors_of, numbers_of_line
+from rigs.formats._values import as_number, as_rotation, errors_of, numbers_of_line, required_size
 from rigs.rig import Rig
 
 _TURN = [f"r{i}{j}" for i in "123" for j in "123"]

@@ -22,8 +22,7 @@ from rigs.camera import Camera
 from rigs.files.text import read_text, shortened
 from rigs.files.units import UNKNOWN
 from rigs.formats._lens import from_vector
-from rigs.formats._one_a_camera import cameras_of
-from rigs.formats._values import as_array, as_mapping, as_size, errors_of, required
+from rigs.formats._values import as_array, as_mapping, as_size, cameras_of, errors_of, required
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.rig import Rig
 

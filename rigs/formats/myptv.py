@@ -25,14 +25,15 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text
-from rigs.formats._image_size import check_table_size, required_size
-from rigs.formats._one_a_camera import cameras_of
+from rigs.formats._lens_rays import check_table_size
 from rigs.formats._values import (
     as_count,
     as_number,
+    cameras_of,
     errors_of,
     numbers_of_line,
     read_head,
+    required_size,
 )
 from rigs.geometry.image_checks import pixel_centres
 from rigs.geometry.rotation import matrix_of_angles

@@ -38,9 +38,12 @@ from rigs.files.units import UNKNOWN
 from rigs.formats._file_storage import (
     LENS,
     MATRIX,
+    PLURALS,
     SHIFT,
     TURN,
+    entries_of,
     first,
+    has_cameras,
     is_fisheye,
     is_storage,
     matrix,
@@ -49,13 +52,12 @@ from rigs.formats._file_storage import (
     turn,
     vector,
 )
-from rigs.formats._image_size import required_size
 from rigs.formats._lens import from_vector, refuse_skew, refuse_tables
-from rigs.formats._opencv_entries import PLURALS, entries_of, has_cameras
 from rigs.formats._values import (
     errors_of,
     errors_of_file,
     read_head,
+    required_size,
     rotation_of_motion,
     usable_name,
 )

@@ -1,10 +1,9 @@
 """OpenPTV's calibrations: ``.ori`` and ``.addpar`` of each calibration image, and ``ptv.par``.
 
 Read only, given the project's folder, one in it (``cal``, ``parametersRun1``), its ``ptv.par``,
-pyptv's ``parameters_Run1.yaml``, or one ``.ori`` or ``.addpar``. Several sets of parameters must
-agree. Older files differ: 3D-PTV's ``ptv.par`` names four cameras whatever their number, and its
-first ones have a flag less; older ``.ori`` lack the glass. With ``D`` the rotation of the angles
-omega, phi, kappa (``D = Rx Ry Rz``; the matrix in the file is a copy of few digits),
+pyptv's ``parameters_Run1.yaml``, or one ``.ori`` or ``.addpar``. 3D-PTV's ``ptv.par`` names four
+cameras whatever their number, and its first ones have a flag less; older ``.ori`` lack the glass.
+With ``D = Rx Ry Rz`` of omega, phi, kappa (the matrix in the file is a copy of few digits),
 ``d = D^T (X - X0)``, x to the right and y up on the sensor in mm::
 
     x = xh - cc d[0] / d[2],   y = yh - cc d[1] / d[2]
@@ -13,15 +12,14 @@ omega, phi, kappa (``D = Rx Ry Rz``; the matrix in the file is a copy of few dig
     column = imx / 2 + (scx x - sin(she) y) / pix_x,   row = imy / 2 - cos(she) y / pix_y
 
 and (0.5, 0.5) is the centre of the top-left pixel. That is 3D-PTV's and liboptv's formula; since
-optv 0.3 scx stretches the row too, and files do not say which is meant: a warning names a scx that
-is not 1. That is Brown's lens where its centre is the
-principal point (xh = yh = 0, or no distortion); else the camera becomes a table of rays. Lengths
-are in mm. Behind glass (indices of refraction that differ) it becomes a table of rays too, see
-`rigs.formats._openptv_glass`. Source: ``imgcoord.c``, ``trafo.c``, ``calibration.c``,
-``segmentation.c`` and ``parameters.c`` at https://github.com/OpenPTV/openptv, ``jw_ptv.c`` at
-https://github.com/3dptv/3dptv, ``parameter_manager.py`` at https://github.com/alexlib/pyptv;
-Dracos (ed.), "Three-Dimensional Velocity and Vorticity Measuring and Image Analysis Techniques"
-(1996).
+optv 0.3 scx stretches the row too. It is Brown's lens where its centre is the principal point
+(xh = yh = 0, or no distortion); else, and behind glass, the camera becomes a table of rays. Glass
+has its inner face at ``n . X = |G|``, with G the ``.ori``'s glass vector from the world's origin
+and n its direction; its outer face lies d further towards the camera. A direction's part
+across n is multiplied by n1 / n2 at the outer face and n2 / n3 at the inner one. Source:
+``imgcoord.c``, ``trafo.c``, ``calibration.c``, ``parameters.c`` and ``ray_tracing.c`` at
+https://github.com/OpenPTV/openptv, ``jw_ptv.c`` at https://github.com/3dptv/3dptv,
+``parameter_manager.py`` at https://github.com/alexlib/pyptv.
 """
 
 from __future__ import annotations
@@ -33,12 +31,12 @@ from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text, read_yaml_mapping, shortened
-from rigs.formats._image_size import check_table_size, check_tables
-from rigs.formats._openptv_glass import Media, behind_glass
+from rigs.formats._lens_rays import check_table_size, limited
 from rigs.formats._values import (
     as_count,
     as_mapping,
@@ -57,7 +55,6 @@ from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-LENGTH_UNIT = "mm"
 _EXTERIOR = ("x0", "y0", "z0", "omega", "phi", "kappa")
 _TURN = tuple(f"dm{i}{j}" for i in "012" for j in "012")
 _INTERIOR = ("xh", "yh", "cc")
@@ -77,7 +74,7 @@ class _Project:
     images: tuple[str, ...]
     size: tuple[int, int]
     pitch: tuple[float, float]
-    media: Media
+    media: tuple[float, float, float, float]  # indices before, in and behind glass; its mm
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -88,15 +85,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a project, or of one ``.ori`` in it.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a file of the project is missing.
-    ValueError
-        In one line: the file, the camera, the field, what was found, what was expected.
-    """
+    """Return the rig of a project, or of one ``.ori`` in it."""
     parameters = _parameters(path)
     projects = [_read_project(file) for file in parameters]
     for file, project in zip(parameters, projects, strict=True):
@@ -110,12 +99,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     single = path.suffix in _CAMERA and path.is_file()
     files = [root / f"{image}.ori" for image in projects[0].images]
     files = [path.with_suffix(".ori")] if single else files
-    cameras: list[CameraLike] = []
-    for file in files:
-        cameras.append(_read_camera(file, projects[0]))
-        with errors_of_file(file):
-            check_tables(cameras)
-    return Rig(tuple(cameras), LENGTH_UNIT, f"as in {path.name}")
+    cameras = limited(_read_camera(file, projects[0]) for file in files)
+    return Rig(cameras, "mm", f"as in {path.name}")
 
 
 def _parameters(path: Path) -> list[Path]:
@@ -162,7 +147,12 @@ def _read_project(file: Path) -> _Project:
                 raise ValueError(f"{key}: found {values[key]}, expected a positive length")
         if values["chfield"] != 0:
             raise ValueError(f"chfield: found {values['chfield']:g}, expected 0: whole frames")
-        media = Media(*(values[key] for key in _MEDIA))
+        n1, n2, n3, d = (values[key] for key in _MEDIA)
+        if not min(n1, n2, n3) > 0:
+            raise ValueError(f"n1, n2, n3: found {[n1, n2, n3]}, expected positive indices")
+        if not d >= 0:
+            raise ValueError(f"d: found {d}, expected a thickness >= 0")
+        media = n1, n2, n3, d
     return _Project(tuple(images), size, (values["pix_x"], values["pix_y"]), media)
 
 
@@ -225,17 +215,18 @@ def _read_camera(file: Path, project: _Project) -> CameraLike:
             lens = dict(zip(_LENS, numbers_of_line(words[: len(_LENS)], _LENS), strict=True))
     name = PurePosixPath(file.stem).stem or file.stem  # cal/cam1.tif.ori
     with errors_of_file(file), errors_of(f"camera {name}"):
-        if not project.media.bends:
-            return _camera(name, values, lens, project)
+        camera = _camera(name, values, lens, project)
+        if len(set(project.media[:3])) == 1:  # rays do not bend
+            return camera
         glass = np.array([required(values, key, "the way to the glass") for key in _GLASS])
-        return behind_glass(_camera(name, values, lens, project), glass, project.media)
+        return _behind_glass(camera, glass, project.media)
 
 
 def _camera(
     name: str, values: dict[str, float], lens: dict[str, float], project: _Project
 ) -> CameraLike:
     """Return the camera of a file's values."""
-    cc = as_number(values["cc"], "cc")
+    cc = values["cc"]
     if not cc > 0:
         raise ValueError(f"cc: found {cc}, expected a positive length")
     if not (lens["scx"] > 0 and math.cos(lens["she"]) > 0):
@@ -275,3 +266,42 @@ def _camera(
         return RayTable(name, position, directions, status="calibrated")
     K[:2, 2] += K[:2, :2] @ shift
     return Camera(name, project.size, K, distortion, R, -R @ position, status="calibrated")
+
+
+def _behind_glass(
+    camera: CameraLike, glass: NDArray[np.float64], media: tuple[float, float, float, float]
+) -> RayTable:
+    """Return the table of a camera's rays behind a window at ``glass``, in mm from the origin."""
+    n1, n2, n3, thickness = media
+    distance = float(np.linalg.norm(glass))
+    if not 0 < distance < np.inf:
+        raise ValueError(
+            f"glass_x, glass_y, glass_z: found {glass.tolist()}, expected a vector to the glass"
+        )
+    check_table_size(camera.image_size)
+    normal = glass / distance
+    origins, directions = camera.rays(pixel_centres(camera.image_size))
+    height = origins[0] @ normal - distance - thickness
+    if not height > 0:
+        raise ValueError(
+            f"glass_x, glass_y, glass_z: found {glass.tolist()}, a window {-height:.6g} mm behind "
+            "the camera, expected one before it"
+        )
+    with np.errstate(invalid="ignore", divide="ignore"):
+        towards = np.where(directions @ normal < 0, -(directions @ normal), np.nan)[:, None]
+        outer = origins + directions * (height / towards)
+        inside = _bent(directions, normal, n1 / n2)
+        inner = outer + inside * (thickness / -(inside @ normal))[:, None]
+        seen = _bent(inside, normal, n2 / n3)
+    lost = ~np.isfinite(inner + seen).all(axis=1)
+    inner[lost], seen[lost] = 0.0, np.nan
+    shape = (*camera.image_size[::-1], 3)
+    return RayTable(camera.name, inner.reshape(shape), seen.reshape(shape), status="calibrated")
+
+
+def _bent(
+    directions: NDArray[np.float64], normal: NDArray[np.float64], ratio: float
+) -> NDArray[np.float64]:
+    """Return unit directions ``(N, 3)`` behind a face, against its normal; NaN if reflected."""
+    across = ratio * (directions - (directions @ normal)[:, None] * normal)
+    return across - np.sqrt(1 - np.sum(across**2, axis=1, keepdims=True)) * normal

@@ -47,13 +47,6 @@ _MODELS: dict[str, tuple[str | None, ...]] = {
     "fisheye_opencv": ("k1", "k2", "k3", "k4"),
 }
 _COEFFICIENTS = {"k1", "k2", "k3", "k4", "k5", "k6", "p1", "p2"}
-_FIELDS = {
-    "image_size": "camera",
-    "distortion": "camera",
-    "camera_matrix": "camera",
-    "R": "rotation",
-    "t": "translation",
-}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -70,7 +63,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         logger.warning("%s: %d further reconstructions are left out", path, len(data) - 1)
     scene = as_mapping(data[0], "reconstruction")
     lenses = as_mapping(required(scene, "cameras"), "cameras")
-    views = Views(path, _FIELDS)
+    views = Views(path)
     for name, shot in as_mapping(required(scene, "shots"), "shots").items():
         with errors_of(f"shot {name}"):
             shot = as_mapping(shot, "entry")

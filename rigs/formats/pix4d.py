@@ -23,13 +23,6 @@ from rigs.formats._views import Views
 from rigs.rig import Rig
 
 _HEAD = "fileName imageWidth imageHeight"
-_FIELDS = {
-    "image_size": "imageWidth, imageHeight",
-    "distortion": "distortion",
-    "camera_matrix": "camera matrix K",
-    "R": "camera rotation R",
-    "t": "camera position t",
-}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -43,7 +36,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     start = next((i for i, line in enumerate(lines) if line.startswith("camera model")), None)
     if start is None:
         raise ValueError("camera model: missing, expected it as the last line of the head")
-    views, rest = Views(path, _FIELDS), iter(lines[start + 1 :])
+    views, rest = Views(path), iter(lines[start + 1 :])
     for first in rest:
         name, *size = first.rsplit(maxsplit=2)
         with errors_of(f"image {name}"):

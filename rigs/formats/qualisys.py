@@ -25,7 +25,6 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.files.xml_file import read_xml
 from rigs.formats._lens import from_vector
-from rigs.formats._projection import look_away
 from rigs.formats._values import (
     as_count,
     as_number,
@@ -33,6 +32,7 @@ from rigs.formats._values import (
     errors_of,
     usable_name,
 )
+from rigs.formats.projection import look_away
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)

@@ -21,22 +21,14 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.files.text import read_text
-from rigs.formats._image_size import image_listed, required_size
 from rigs.formats._lens import from_vector
-from rigs.formats._metashape_lens import table_of
-from rigs.formats._values import as_number, errors_of, required
+from rigs.formats._lens_rays import metashape_table
+from rigs.formats._values import as_number, errors_of, image_listed, required, required_size
 from rigs.formats._views import Views
 from rigs.geometry.rotation import matrix_of_angles
 from rigs.rig import Rig
 
 _POSE = ("x", "y", "alt", "heading", "pitch", "roll", "f")
-_FIELDS = {
-    "image_size": "image",
-    "distortion": "k1 ... t2",
-    "camera_matrix": "f, px, py",
-    "R": "heading, pitch, roll",
-    "t": "x, y, alt",
-}
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -48,7 +40,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     """Return the rig of a CSV."""
     lines = read_text(path).splitlines()
     keys = lines[0].lower().replace(" ", "").split(",") if lines else []
-    views = Views(path, _FIELDS)
+    views = Views(path)
     for row in csv.reader(line for line in lines[1:] if line.strip()):
         if len(row) != len(keys):
             raise ValueError(f"found a line of {len(row)} values, expected {len(keys)}")
@@ -64,7 +56,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
                 views.add(name, camera)
                 continue
             lens |= {"p1": p2, "p2": p1, "p3": 0.0, "p4": 0.0}  # Metashape's order
-            views.add(name, camera, None, partial(table_of, lens=lens, is_fisheye=False))
+            views.add(name, camera, None, partial(metashape_table, lens=lens, is_fisheye=False))
     return views.rig()
 
 

@@ -13,7 +13,6 @@ from typing import Any
 
 from rigs.files.units import in_unit
 from rigs.formats._file_storage import is_storage
-from rigs.formats._nearest import nearest
 from rigs.formats._values import errors_of_file, read_head
 from rigs.recordings import IMAGE_SUFFIXES
 from rigs.rig import Rig
@@ -27,11 +26,9 @@ class Format:
     ``save(rig, path)``. Its errors are lines of ValueError that begin with the camera and field;
     `load` and `save` here put the file before them.
 
-    Parameters
+    Attributes
     ----------
-    name : str
-    about : str
-        A short description.
+    name, about : str
     suffixes : tuple of str
         Endings of paths that are written in this format by default.
     reads, writes : bool
@@ -40,6 +37,8 @@ class Format:
         The module of another name; such a format is chosen by its name, not recognised.
     options : mapping
         What the module's ``load`` takes beside path and image size.
+    words : str
+        Words that every file of it holds: errors name the format that lacks fewest of them.
     """
 
     name: str
@@ -49,6 +48,7 @@ class Format:
     writes: bool = False
     base: str = ""
     options: Mapping[str, Any] = field(default_factory=dict)
+    words: str = ""
 
     @property
     def module(self) -> ModuleType:
@@ -68,21 +68,34 @@ FORMATS: dict[str, Format] = {
         Format("middlebury", "Middlebury multi-view *_par.txt"),
         Format("colmap", "COLMAP model, text or binary, a folder", ("cameras.txt",), writes=True),
         Format("transforms", "NeRF-style transforms.json", ("transforms.json",), writes=True),
-        Format("multical", "multical's calibration.json"),
-        Format("kalibr", "Kalibr's camchain.yaml"),
-        Format("anipose", "TOML of anipose, Pose2Sim, FreeMoCap, caliscope"),
+        Format("multical", "multical's calibration.json",
+               words="cameras camera_poses model image_size dist"),
+        Format("kalibr", "Kalibr's camchain.yaml",
+               words="cam0 camera_model intrinsics distortion_model resolution"),
+        Format("anipose", "TOML of anipose, Pose2Sim, FreeMoCap, caliscope",
+               words="size matrix distortions rotation translation"),
         Format("openptv", "OpenPTV .ori and .addpar, of a folder or one"),
         Format("easymocap", "EasyMocap's intri.yml and extri.yml"),
-        Format("mrcal", "mrcal's .cameramodel with OpenCV's lenses"),
-        Format("metashape", "Agisoft Metashape's cameras.xml"),
-        Format("gaussian_splatting", "3-D Gaussian splatting's cameras.json"),
-        Format("alicevision", "Meshroom's and AliceVision's .sfm"),
-        Format("opensfm", "OpenSfM's and ODM's reconstruction.json"),
-        Format("qualisys", "Qualisys Track Manager's .qca.txt"),
-        Format("kitti", "KITTI's calib_cam_to_cam.txt and calib.txt"),
-        Format("camera_table", "a table (CSV): where cameras stand and look"),
-        Format("realitycapture", "RealityCapture's camera parameters, .csv"),
-        Format("pix4d", "Pix4D's *_calibrated_camera_parameters.txt"),
+        Format("mrcal", "mrcal's .cameramodel with OpenCV's lenses",
+               words="lensmodel extrinsics intrinsics imagersize"),
+        Format("metashape", "Agisoft Metashape's cameras.xml",
+               words="document chunk sensors cameras camera"),
+        Format("gaussian_splatting", "3-D Gaussian splatting's cameras.json",
+               words="img_name width height position rotation fx fy"),
+        Format("alicevision", "Meshroom's and AliceVision's .sfm",
+               words="version views intrinsics poses viewId intrinsicId"),
+        Format("opensfm", "OpenSfM's and ODM's reconstruction.json",
+               words="cameras projection_type shots rotation translation"),
+        Format("qualisys", "Qualisys Track Manager's .qca.txt",
+               words="calibration cameras fov_video transform focalLengthU"),
+        Format("kitti", "KITTI's calib_cam_to_cam.txt and calib.txt",
+               words="S_00 K_00 D_00 R_00 T_00"),
+        Format("camera_table", "a table (CSV): where cameras stand and look",
+               words="name x y z look_x look_y look_z"),
+        Format("realitycapture", "RealityCapture's camera parameters, .csv",
+               words="name x y alt heading pitch roll f"),
+        Format("pix4d", "Pix4D's *_calibrated_camera_parameters.txt",
+               words="fileName imageWidth imageHeight camera matrix K radial"),
         Format("opencv", "cv2.FileStorage YAML, XML, JSON", (".yml", ".json"), writes=True),
         Format("myptv", "MyPTV's camera files"),
         Format("bundler", "Bundler's bundle.out with its list.txt"),
@@ -97,8 +110,11 @@ FORMATS: dict[str, Format] = {
     )
 }  # fmt: skip
 
-_OURS = (".yaml", ".yml")
-_OUR_KEYS = {"format", "version", "cameras", "length_unit", "convention", "world_frame", "volume"}
+#: A key of rig.yaml, and any key: YAML with the first, or without the second, is meant as ours.
+_OUR_KEY = re.compile(
+    r"^(format|version|cameras|length_unit|convention|world_frame|volume)\s*:", re.MULTILINE
+)
+_ANY_KEY = re.compile(r"^[\w.-]{1,40}\s*:", re.MULTILINE)
 
 
 def names(writable: bool = False) -> tuple[str, ...]:
@@ -127,26 +143,32 @@ def sniff(path: str | os.PathLike) -> str:
     head = read_head(path) if path.is_file() else ""
     if is_storage(head):
         return "opencv"  # its error names the keys found
-    keys = _keys_of(path, head)
-    if path.suffix in _OURS and (not keys or _OUR_KEYS.intersection(keys)):
+    is_ours = _OUR_KEY.search(head) or not _ANY_KEY.search(head)
+    if path.suffix in (".yaml", ".yml") and is_ours:
         return "emission_rig"  # its error names what a rig.yaml lacks
     what = "an image" if path.suffix.lower() in IMAGE_SUFFIXES else "none of the rig formats"
-    near = nearest(head, {name: item.about for name, item in FORMATS.items()})
-    listed = f"; found in it: {', '.join(keys[:8])}" if keys else ""
     raise ValueError(
         f"{path}: found {what}, expected a file or folder of a calibration, in one of "
-        f"{', '.join(names())}{listed}{near}"
+        f"{', '.join(names())}{_nearest(head)}"
     )
 
 
-def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None:
-    """Return what to read and its format: a path, or the one known file of a folder.
+def _nearest(head: str) -> str:
+    """Return the end of a message: the format with most of its words in a file, and the others."""
+    found = set(re.findall(r"\w+", head))
+    lost = {
+        n: [w for w in f.words.split() if w not in found] for n, f in FORMATS.items() if f.words
+    }
+    share = {name: 1 - len(own) / len(FORMATS[name].words.split()) for name, own in lost.items()}
+    best = max(share, key=lambda name: share[name])
+    if share[best] < 1 / 2:  # with less than half, any file is like some format
+        return ""
+    lacks = f"lacks {', '.join(lost[best])}" if lost[best] else f"try --from {best}"
+    return f"; nearest is {best} ({FORMATS[best].about}): {lacks}"
 
-    Raises
-    ------
-    ValueError
-        If a folder that is no rig by itself holds several files that are.
-    """
+
+def _recognised(path: Path, choices: tuple[str, ...]) -> tuple[Path, str] | None:
+    """Return what to read and its format: a path, or the one known file of a folder."""
     found = _format_of(path, choices)
     if found or not path.is_dir():
         return (path, found) if found else None
@@ -181,21 +203,6 @@ def _format_of(path: Path, choices: tuple[str, ...]) -> str | None:
     """Return the first format that takes a path for its own."""
     head = read_head(path) if path.is_file() else ""
     return next((n for n in choices if FORMATS[n].looks_like(path, head)), None)
-
-
-def _keys_of(path: Path, head: str) -> list[str]:
-    """Return the keys that stand first in a file of JSON, YAML or TOML, or XML's elements."""
-    patterns = {
-        ".json": r'"([^"\\\n]{1,40})"\s*:',
-        ".yaml": r"^([\w.-]{1,40})\s*:",
-        ".yml": r"^([\w.-]{1,40})\s*:",
-        ".toml": r"^\[([\w.-]{1,40})\]",
-        ".xml": r"<([A-Za-z][\w.:-]{0,40})",
-    }
-    if path.suffix not in patterns:
-        return []
-    found = dict.fromkeys(re.findall(patterns[path.suffix], head, re.MULTILINE))
-    return [key for key in found if key.isprintable()]
 
 
 def load(

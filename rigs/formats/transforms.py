@@ -26,13 +26,6 @@ from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-_FIELDS = {
-    "image_size": "w, h",
-    "distortion": "distortion",
-    "camera_matrix": "fl_x, fl_y, cx, cy",
-    "R": "transform_matrix",
-    "t": "transform_matrix",
-}
 _SCALE_KEYS = ("scale", "offset", "applied_scale", "applied_transform")
 
 
@@ -104,7 +97,7 @@ def load_transforms(
         given = [_camera_name(index, entry) for index, entry in enumerate(entries)]
         inner = [_without_root(image) for image in images]
         names, frame_names = named(inner, cameras, given, path.stem)
-        found, frames = grouped(path.parent, images, cameras, names, frame_names, _FIELDS)
+        found, frames = grouped(path.parent, images, cameras, names, frame_names)
         unit = data.get("length_unit", UNKNOWN)
         if not isinstance(unit, str):
             raise ValueError(f"length_unit: found {shortened(unit)}, expected text")

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 
 from rigs.files.text import check_plain_file
 from rigs.recordings.recording import Recording
-from rigs.recordings.write import TIFF_SUFFIXES
+from rigs.recordings.stills import TIFF_SUFFIXES
 
 if TYPE_CHECKING:
     from rigs.recordings.film_formats.raw_film import RawLayout

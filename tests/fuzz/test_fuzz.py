@@ -24,7 +24,7 @@ from damage import damaged, packed, png, unpacked
 from hypothesis import given, note, settings
 from samples import GROUPS
 
-from rigs.formats import _image_size
+from rigs.formats import _lens_rays
 
 MOST_SECONDS = 3.0  # of processor time for one small file; what backtracks takes minutes
 MOST_MEMORY = 250 << 20  # bytes for one small file: bombs unpack to 300 MB
@@ -66,7 +66,7 @@ def quiet():
     """Tables of rays take memory by the camera's pixels, and libraries log what they dislike."""
     logging.disable()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_image_size, "MOST_RAYS", 1 << 14)
+        patch.setattr(_lens_rays, "MOST_RAYS", 1 << 14)
         yield
     logging.disable(logging.NOTSET)
 

@@ -14,8 +14,8 @@ from rigs.files.messages import dotted, first_problem
 from rigs.files.schema import Number, Text, VolumeEntry, Whole
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.recordings import MOST_BITS
+from rigs.recordings.film_formats.raw_film import PIXEL_TYPES
 from rigs.recordings.mosaic import COLOURS, PATTERNS, is_channel
-from rigs.recordings.stored_pixels import PIXEL_TYPES
 
 SCAN_FORMAT = "emission-scan"
 

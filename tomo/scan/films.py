@@ -19,9 +19,8 @@ from rigs.recordings import (
     is_film,
     open_recording,
 )
-from rigs.recordings.notes import grouped_notes
-from rigs.recordings.timing import off_beat
-from rigs.recordings.write import TIFF_SUFFIXES
+from rigs.recordings.recording import off_beat
+from rigs.recordings.stills import TIFF_SUFFIXES, grouped_notes
 
 
 @dataclass(frozen=True)

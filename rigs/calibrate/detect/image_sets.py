@@ -24,7 +24,7 @@ from rigs.recordings import (
     without_pattern,
 )
 from rigs.recordings.layout import ONLY, Images, how_to_name, images_in, natural
-from rigs.recordings.notes import grouped_notes
+from rigs.recordings.stills import grouped_notes
 
 _NEVER_IMAGES = (
     ".csv", ".html", ".ini", ".json", ".log", ".m", ".mat", ".md", ".npz", ".odt", ".ods", ".pdf",

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
+from rigs.recordings.film_formats.raw_film import bytes_of, pixels_of, read_part
 from rigs.recordings.recording import Reopened, check_index, frame_errors
-from rigs.recordings.stored_pixels import bytes_of, pixels_of, read_part
 
 _FILE = struct.Struct("<2s3HiIiI3I2I")
 _BITMAP = struct.Struct("<IiiHHIIiiII")

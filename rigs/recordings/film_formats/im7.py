@@ -1,4 +1,7 @@
-"""Images of LaVision's DaVis, .im7 files: one file of frames, or a folder of such files."""
+"""Images of LaVision's DaVis, .im7 files: one file of frames, or a folder of such files.
+
+DaVis' packing of images as differences from pixel to pixel, compiled: a byte or nibble each.
+"""
 
 from __future__ import annotations
 
@@ -13,10 +16,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.compiled import compiled
 from rigs.files.size_guard import check_claim, decompressed, errors_of_libraries
+from rigs.recordings.film_formats.raw_film import pixels_of, read_part
 from rigs.recordings.layout import natural
 from rigs.recordings.recording import FrameError, Reopened, check_index, frame_errors
-from rigs.recordings.stored_pixels import pixels_of, read_part
 
 _HEADER = struct.Struct("<4h4i3h")
 _HEADER_BYTES = 256
@@ -158,9 +162,7 @@ def _frames(path: Path, size: tuple[int, int], each: int, kind: str, packing: in
     packed = np.frombuffer(data, np.uint8)
     if packing == _DIFFERENCES:
         start = 2 + int(packed[0]) * int(packed[1])  # after a small image for previews
-        from rigs.recordings.film_formats._im7_differences import summed
-
-        image, done = summed(packed[start:], rows[0] * rows[1])
+        image, done = _summed(packed[start:], rows[0] * rows[1])
     else:
         image, done = _of_words(packed, rows)
     if not done:
@@ -188,4 +190,65 @@ def _of_words(packed: NDArray[np.uint8], rows: tuple[int, int]) -> tuple[NDArray
     grouped[..., 3] = third >> 4
     image[:, : width - rest] = grouped.reshape(count, -1)
     image[:, width - rest :] = words[:, words_of_groups:]
+    return image, True
+
+
+@compiled
+def _summed(data, count):
+    """Return pixels from differences, and whether there are enough of them.
+
+    A byte is a difference to the pixel before. Byte -128: a pixel of two bytes follows; 127: so
+    many of them as the next byte says; -127: from here on a nibble is a difference, until a low
+    nibble is 8.
+    """
+    image = np.zeros(count, np.uint16)
+    at, last, wide, nibbles, byte, is_low = 0, 0, 0, False, 0, False
+    for place in range(count):
+        if wide == 0:
+            if nibbles and is_low:
+                step = byte & 15
+                is_low = False
+                if step == 8:
+                    nibbles = False
+                else:
+                    last += step - 16 if step > 8 else step
+            elif nibbles:
+                if at >= data.size:
+                    return image, False
+                byte = np.int64(data[at])
+                at += 1
+                step = byte >> 4
+                is_low = True
+                last += step - 16 if step >= 8 else step
+            if not nibbles:
+                if at >= data.size:
+                    return image, False
+                byte = np.int64(data[at])
+                at += 1
+                if byte == 128:
+                    wide = 1
+                elif byte == 127:
+                    if at >= data.size:
+                        return image, False
+                    wide = np.int64(data[at])
+                    wide = 256 if wide == 0 else wide  # a byte that is counted down to 0
+                    at += 1
+                elif byte == 129:
+                    if at >= data.size:
+                        return image, False
+                    byte = np.int64(data[at])
+                    at += 1
+                    step = byte >> 4
+                    nibbles, is_low = True, True
+                    last += step - 16 if step >= 8 else step
+                else:
+                    last += byte - 256 if byte > 127 else byte
+        if wide > 0:
+            if at + 1 >= data.size:
+                return image, False
+            last = np.int64(data[at]) | np.int64(data[at + 1]) << 8
+            at += 2
+            wide -= 1
+        last &= 0xFFFF
+        image[place] = last
     return image, True

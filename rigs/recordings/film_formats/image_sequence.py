@@ -9,9 +9,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings.notes import image_notes
 from rigs.recordings.recording import FrameError, Reopened, check_index, check_size
-from rigs.recordings.stills import image_size, read_still
+from rigs.recordings.stills import image_notes, image_size, read_still
 
 
 class ImageSequence(Reopened):

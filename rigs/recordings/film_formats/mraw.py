@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import shortened
 from rigs.files.xml_file import parse_xml
+from rigs.recordings.film_formats.raw_film import bytes_of, pixels_of, read_part
 from rigs.recordings.recording import Reopened, check_index, frame_errors
-from rigs.recordings.stored_pixels import bytes_of, pixels_of, read_part
 
 _MOST_HEADER = 4 << 20  # bytes; headers have some ten thousand
 _STORED = {8: "uint8", 10: "uint10", 12: "uint12", 16: "uint16"}

@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from rigs.recordings.notes import lossy_note
 from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors, needs
+from rigs.recordings.stills import lossy_note
 
 if TYPE_CHECKING:
     import av

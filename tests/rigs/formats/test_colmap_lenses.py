@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from rigs import Camera, RayTable, formats
-from rigs.formats import _image_size, colmap
+from rigs.formats import _lens_rays, colmap
 
 MODELS = {
     "SIMPLE_RADIAL_FISHEYE": (800, 320.5, 240.25, 0.02),
@@ -247,7 +247,7 @@ def test_images_of_one_camera_with_two_tables_are_refused(tmp_path):
     )
     pose = "1 0 0 0 0 0 0"
     (tmp_path / "images.txt").write_text(f"1 {pose} 1 left/a.png\n\n2 {pose} 2 left/b.png\n\n")
-    with pytest.raises(ValueError, match="camera left: PARAMS: differs between its images"):
+    with pytest.raises(ValueError, match="camera left: distortion: differs between its images"):
         formats.load(tmp_path)
 
 
@@ -294,13 +294,13 @@ def test_images_of_many_points_are_read(tmp_path):
 
 
 def test_more_tables_than_memory_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(_image_size, "MOST_RAYS", 640 * 480)
+    monkeypatch.setattr(_lens_rays, "MOST_RAYS", 640 * 480)
     write_text(tmp_path, "FOV")
     lines = [f"{number} 1 0 0 0 {number} 0 0 1 {number}.png\n\n" for number in range(1, 6)]
     (tmp_path / "images.txt").write_text("".join(lines[:4]))
     assert len(formats.load(tmp_path)) == 4
     (tmp_path / "images.txt").write_text("".join(lines))
-    with pytest.raises(ValueError, match=r"found 5 tables of rays with 1536000 pixels, expected"):
+    with pytest.raises(ValueError, match=r"found tables of rays with 1536000 pixels, expected"):
         formats.load(tmp_path)
 
 

@@ -263,7 +263,7 @@ def test_a_list_without_its_object_is_read(tmp_path):
 def test_one_camera_has_one_set_of_parameters(tmp_path):
     images = [entry("a/0.png"), entry("b/0.png", (5, 0, 0)), entry("a/1.png", (0, 1, 5))]
     path = write(tmp_path, {**INTRINSICS, "frames": images})
-    message = r"camera a: transform_matrix: differs between a/0.png and a/1.png"
+    message = r"camera a: R: differs between a/0.png and a/1.png"
     with pytest.raises(ValueError, match=message):
         load_transforms(path)
     images = [entry("a/0.png", camera="c"), entry("a/0.jpg", camera="c")]

@@ -8,7 +8,7 @@ import pytest
 from film_files import FILMS, LAYOUT
 
 from rigs.recordings import FILM_FORMATS, open_recording, split_member
-from rigs.recordings.stored_pixels import PIXEL_TYPES
+from rigs.recordings.film_formats.raw_film import PIXEL_TYPES
 
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "films.md"
 

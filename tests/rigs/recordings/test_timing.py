@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rigs.recordings.timing import OffBeat, off_beat
+from rigs.recordings.recording import OffBeat, off_beat
 
 BEAT = np.arange(20) / 500
 PERIODS = dict.fromkeys("abcd", 1 / 500)
