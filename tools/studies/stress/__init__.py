@@ -10,10 +10,13 @@ STUDY = Study(
     {
         "robustness": ("Bad pixels and wrong views", "studies.stress.robustness"),
         "trust": ("The standard deviations reported", "studies.stress.trust"),
-        "conditioning": ("Rigs, stops and focus", "studies.stress.conditioning"),
+        "conditioning": ("Few views, noise and stops", "studies.stress.conditioning"),
         "calibration": ("Calibration error", "studies.stress.calibration"),
+        "geometry": ("Geometry and lenses", "studies.stress.geometry"),
+        "order": ("Cameras in another order", "studies.stress.order"),
         "scaling": ("Other units of length and intensity", "studies.stress.scaling"),
         "threads": ("Threads and repeats", "studies.stress.threads"),
+        "growth": ("Time and memory", "studies.stress.growth"),
     },
     ("full", "quick"),
 )

@@ -107,6 +107,14 @@ def _growth(
         {method: errors[method] for method in CHARTED if method in errors}
         | {"truth moved as far": [(px, moved_truth(flame, px)) for px in pixels]},
     )  # fmt: skip
+    lines = [
+        {"error": kind, "method": method, "pixels": px, "nrmse": error,
+         "over_exact": error / least[method],
+         "over_moved_truth": error / np.hypot(least[method], moved_truth(flame, px))}
+        for method in errors
+        for px, error in errors[method]
+        if method in CHARTED
+    ]  # fmt: skip
     for px in JUDGED:
         known = {method: dict(found)[px] for method, found in errors.items()}
         expected = {m: np.hypot(least[m], moved_truth(flame, px)) for m in known}
@@ -118,6 +126,7 @@ def _growth(
             note=f"worst: {worst}; two views off by as much each may lie twice as far from each "
             f"other; growth over the clean error: {growth}",
             chart=chart if px == 1 else None,
+            lines={"growth": lines} if px == 1 else {},
         )  # fmt: skip
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
@@ -53,6 +53,8 @@ class Row:
     note : str
         Where it was worst, or why the bound is right to fail.
     chart : Chart, optional
+    lines : mapping of str to sequence of mapping
+        Lines of plain data for other tables of the part, by the table's name.
     """
 
     stress: str
@@ -63,6 +65,7 @@ class Row:
     at_least: bool = False
     note: str = ""
     chart: Chart | None = None
+    lines: Mapping[str, Sequence[dict[str, Any]]] = field(default_factory=dict)
 
     @classmethod
     def of_faults(cls, stress: str, over: str, faults: Sequence[str], otherwise: str = "") -> Self:
@@ -91,12 +94,15 @@ class Row:
 
 def measured(rows: Iterable[Row]) -> Tables:
     """Return the rows as a part's tables, each with the seconds it took."""
-    found, began = [], time.perf_counter()
+    tables: Tables = {"rows": []}
+    began = time.perf_counter()
     for row in rows:
         now = time.perf_counter()
-        found.append(row.plain() | {"seconds": now - began})
+        tables["rows"].append(row.plain() | {"seconds": now - began})
+        for name, lines in row.lines.items():
+            tables.setdefault(name, []).extend(lines)
         began = now
-    return {"rows": found}
+    return tables
 
 
 def charts(tables: Tables) -> Figure | None:

@@ -1,4 +1,4 @@
-"""Semi-convergence: the error falls, turns and rises; how far from its lowest runs stop."""
+"""Noise: what it costs the default; and runs whose error falls, turns and rises again."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from studies.common.scans import reconstructed
 from studies.stress.row import Chart, Row, worst_of
 from studies.stress.scene import Scene, scene, solved
 from tomo import solvers
@@ -17,6 +18,7 @@ from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.solvers.solution import Callback
 
 NOISE = 0.1
+NOISES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.3, 0.5)
 LONGEST = 400
 QUICK = 150
 LONGEST_CHOSEN = 100
@@ -25,9 +27,29 @@ CASES = ((0.02, 4), (0.02, 9), (0.1, 4), (0.1, 9), (0.1, 33))
 
 
 def stop_rows(quick: bool) -> Iterator[Row]:
-    """Yield the rows of where runs stop."""
+    """Yield the rows of noise, and of where runs stop."""
+    yield noise_row(NOISES[::3] if quick else NOISES)
     yield _methods(QUICK if quick else LONGEST)
     yield _chosen(CASES[1::2] if quick else CASES)
+
+
+def noise_row(noises: Sequence[float]) -> Row:
+    """Reconstruct by default at growing noise."""
+    lines = []
+    for noise in noises:
+        seen = scene(noise)
+        found = reconstructed(seen.simulated, uncertainty=0)
+        lines.append({"noise": noise, "relative_error": nrmse(found.volume, seen.truth)})
+    worst, where = worst_of((f"{line['noise']:.0%}", line["relative_error"]) for line in lines)
+    return Row(
+        "noise: error of the default method",
+        f"{noises[0]:.0%} to {noises[-1]:.0%} of the brightest pixel, 9 views",
+        worst,
+        1.0,
+        "times that of an empty volume",
+        note=where,
+        lines={"noise": lines},
+    )
 
 
 def _methods(longest: int) -> Row:
