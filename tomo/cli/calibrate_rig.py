@@ -18,7 +18,7 @@ from tomo.cli.calibration_inputs import (
 )
 from tomo.cli.console import print_json, say
 from tomo.cli.inputs import Box, check_output_file, check_output_folder
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 
 PAGE, FIGURES = "_calibration.html", "_calibration.json"
 """Endings of the two files beside a rig.yaml, whose name they begin with."""

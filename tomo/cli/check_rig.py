@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tomo.cli.console import print_json, say
 from tomo.cli.inputs import Box, check_output_pictures, load_rig_and_grid
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 
 if TYPE_CHECKING:
     from rich.table import Table

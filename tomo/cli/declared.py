@@ -22,8 +22,7 @@ import typer
 
 from tomo.cli.console import bad_input_in_one_line, flag
 from tomo.cli.usage import one_line_usage
-from tomo.pipeline.checks import Check, number, whole
-from tomo.pipeline.declared import Declared
+from tomo.pipeline.declared import Check, Declared, number, whole
 
 OTHERS = "More options"
 """The section of options that have none of their own, where others come first."""

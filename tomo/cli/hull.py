@@ -9,7 +9,7 @@ from typing import Annotated
 from tomo.cli.console import print_json, say
 from tomo.cli.corrections import Corrections
 from tomo.cli.inputs import Box, Images, check_output_volume
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 
 EXAMPLES = """
 flametomo hull scan -o out/hull

@@ -15,7 +15,7 @@ import typer
 from tomo.cli.console import print_json, say
 from tomo.cli.corrections import value_of
 from tomo.cli.inputs import Box, check_output_folder, parse_spacing, parse_triple
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 
 if TYPE_CHECKING:
     from tomo.scan.propose import Proposal, Request

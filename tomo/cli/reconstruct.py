@@ -12,7 +12,7 @@ from tomo.cli.console import print_json, say, typed
 from tomo.cli.corrections import Corrections
 from tomo.cli.inputs import Box, Images, check_output_store, check_output_volume
 from tomo.cli.stopping import keep
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 from tomo.pipeline.options import Options
 
 if TYPE_CHECKING:
@@ -185,7 +185,7 @@ def _series(
 
 def _series_summary(report: dict) -> str:
     """Return a line on each of: the frames, held-out cameras, the verdict, the store."""
-    from tomo.pipeline.peak import peak_in_words, with_unit
+    from tomo.pipeline.view import peak_in_words, with_unit
 
     figures = (
         ("relative_residual", "mean relative residual {:.4g}"),
@@ -243,7 +243,7 @@ def _of_gains(gains: dict) -> str:
 
 def _prediction(figures: dict, report: dict) -> str:
     """Return the figures of a held-out camera with their peak, and with its level fitted."""
-    from tomo.pipeline.peak import peak_in_words
+    from tomo.pipeline.view import peak_in_words
 
     names = ("psnr", "ssim", "cosine")
     said = f"{_figures({n: figures.get(n) for n in names})}, peak {peak_in_words(report['peak'])}"
@@ -303,7 +303,7 @@ def _cell(value: float | None) -> str:
 
 
 def _figures(figures: dict) -> str:
-    from tomo.pipeline.peak import with_unit
+    from tomo.pipeline.view import with_unit
 
     return ", ".join(f"{name} {with_unit(name, _number(v))}" for name, v in figures.items())
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from tomo.cli.console import print_json
 from tomo.cli.inputs import Box, check_output_volume, load_rig_and_grid, read_volume_in
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 
 if TYPE_CHECKING:
     from phantoms.field import Field

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from tomo.cli.console import say
-from tomo.pipeline.checks import whole
+from tomo.pipeline.declared import whole
 
 if TYPE_CHECKING:
     from tomo import Scan

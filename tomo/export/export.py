@@ -1,17 +1,88 @@
-"""Exporting a store: the formats in a table, and what they have in common."""
+"""Exporting the frames of a store: the formats in a table, and what they have in common."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from rigs.progress import Progress, progress_of
-from tomo.export.frames import Frames
+from tomo.grid import Volume
 from tomo.series.store import COMPLETE, SeriesStore
+
+LARGEST_CHUNK = 1 << 30
+"""Bytes of a chunk of a file, at the most: HDF5 takes 4 GiB, readers hold a few in memory."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """Frames of a store.
+
+    Attributes
+    ----------
+    store : SeriesStore
+    places : tuple of int
+        Their places in the store.
+    progress : callable, optional
+        ``progress(done, total, where)``.
+    """
+
+    store: SeriesStore
+    places: tuple[int, ...]
+    progress: Progress | None = None
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    @cached_property
+    def times(self) -> NDArray[np.float64]:
+        """When they were taken, ``(frames,)``, in the store's ``time_unit``."""
+        return self.of("time")
+
+    @cached_property
+    def numbers(self) -> NDArray[np.int64]:
+        """Their numbers in the scan, ``(frames,)``."""
+        return self.of("frame")
+
+    def of(self, name: str) -> NDArray:
+        """Return their part of an array of the store."""
+        return self.store.values(name)[list(self.places)]
+
+    def volumes(self, words: str = "") -> Iterator[Volume]:
+        """Yield their volumes ``(nx, ny, nz)``, one after the other."""
+        for done, place in enumerate(self.places):
+            if self.progress:
+                self.progress(done, len(self), f"{words}frame {place}")
+            yield self.store.volume(place)
+        if self.progress:
+            self.progress(len(self), len(self), "")
+
+    def chunk(self) -> tuple[int, int, int]:
+        """Return the shape of a chunk of a frame, ``(nx, ny, nz)``: whole, or some planes of x."""
+        nx, ny, nz = self.store.grid.shape
+        return min(nx, max(LARGEST_CHUNK // (4 * ny * nz), 1)), ny, nz
+
+    def axis(self, name: str) -> tuple[NDArray[np.float64], str]:
+        """Return the centres of voxels along ``x``, ``y`` or ``z``, and their unit."""
+        centres = dict(zip("xyz", self.store.grid.axes(), strict=True))
+        return centres[name], self.store.attributes["length_unit"]
+
+    def about(self) -> dict[str, str]:
+        """Return attributes that say where a file comes from."""
+        versions = self.store.attributes.get("versions") or {}
+        return {
+            "Conventions": "CF-1.11",
+            "title": "3-D emission reconstructed from camera images",
+            "source": f"flametomo {versions.get('flametomo', '')}".strip(),
+        }
 
 
 class Format(NamedTuple):
@@ -28,12 +99,12 @@ FORMATS = {
         "volume_files:write_pvd", (".pvd",), (), "a collection for ParaView beside .vti files"
     ),
     "vtkhdf": Format(
-        "vtkhdf:write_vtkhdf", (".vtkhdf", ".hdf"), ("h5py",), "one file for ParaView and VTK"
+        "hdf5:write_vtkhdf", (".vtkhdf", ".hdf"), ("h5py",), "one file for ParaView and VTK"
     ),
     "ome-zarr": Format(
         "ome_zarr:write_ome_zarr", (".zarr",), (), "an OME-Zarr 0.5 image for napari and Fiji"
     ),
-    "netcdf": Format("netcdf:write_netcdf", (".nc",), ("h5netcdf",), "one file with coordinates"),
+    "netcdf": Format("hdf5:write_netcdf", (".nc",), ("h5netcdf",), "one file with coordinates"),
     "npz": Format("volume_files:write_npz", ("",), (), "a folder of NumPy files"),
     "mp4": Format("film:write_film", (".mp4",), ("av",), "a film of maximum projections"),
     "statistics": Format(

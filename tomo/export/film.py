@@ -9,7 +9,7 @@ from rigs.files import atomic_path
 from tomo.draw.emission import brightest_integral
 from tomo.draw.film.film_picture import FilmPicture
 from tomo.draw.frame import UP
-from tomo.export.frames import Frames
+from tomo.export.export import Frames
 
 RATE = 25
 """Pictures a second. High-speed films play slowly, the time stands in the picture."""

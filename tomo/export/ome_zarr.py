@@ -13,7 +13,7 @@ import numpy as np
 import zarr
 
 from rigs.files import atomic_path
-from tomo.export.frames import Frames
+from tomo.export.export import Frames
 from tomo.export.spectrum import UNEVEN
 
 VERSION = "0.5"

@@ -15,9 +15,9 @@ import zarr
 from numpy.typing import NDArray
 
 from rigs.files import atomic_path
-from tomo.export.frames import Frames
+from tomo.export.export import Frames
 from tomo.grid import mean_and_rms
-from tomo.io.checked_arrays import create_array
+from tomo.io.volume_film import create_array
 
 
 def write_statistics(frames: Frames, target: Path) -> None:

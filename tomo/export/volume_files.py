@@ -6,7 +6,7 @@ from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
 from rigs.files import atomic_path
-from tomo.export.frames import Frames
+from tomo.export.export import Frames
 from tomo.io import write_volume
 
 

@@ -1,9 +1,13 @@
-"""Volumes whose array axes run along world axes in any order and direction, put in order."""
+"""Headers of volumes: axes in any order and direction, and values in a file beside."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 from numpy.typing import NDArray
+
+from rigs.files.inside import path_inside
 
 _ASKEW = 1e-6  # of a step, off its world axis; more is 0.001 voxels over 1000, less is rounding
 
@@ -46,3 +50,20 @@ def in_order(
             origin[world[axis]] += (data.shape[axis] - 1) * step
     order = np.argsort(world)
     return data.transpose(order), origin, np.abs(along[order])
+
+
+def content_beside(header: Path, name: object, field: str) -> bytes:
+    """Return the content of the file that a field of a header names.
+
+    Raises
+    ------
+    ValueError
+        If it names a list or a series of files, leaves the header's folder, or is not there.
+    """
+    text = name if isinstance(name, str) else ""
+    if not text or text.upper().startswith("LIST") or "%" in text:
+        raise ValueError(f"{field}: found {str(name)[:60]!r}, expected the name of one file")
+    path = path_inside(text, header.parent, field, "header's")
+    if not path.is_file():
+        raise ValueError(f"{field}: found no file {path.name} beside it, expected the values")
+    return path.read_bytes()

@@ -15,8 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import decompressed
-from tomo.io._axes import in_order
-from tomo.io._beside import content_beside
+from tomo.io._axes import content_beside, in_order
 
 _HEADER = 1 << 16  # bytes of a header, at most; it has some thirty short lines
 _TYPES = {

@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, decompressed, errors_of_libraries, largest_claim
 from tomo.grid import VoxelGrid
-from tomo.io._axes import in_order
-from tomo.io._beside import content_beside
+from tomo.io._axes import content_beside, in_order
 
 _AGREE = 1e-3  # of a length that stands twice: files hold some four digits
 _CELL, _UNKNOWN = "cell", ("???", "none", "")

@@ -1,19 +1,23 @@
-"""Options against each other, a scan and a grid; refusals come before any image is read."""
+"""Options against each other, a scan and a grid, and whether cameras can be right.
+
+Refusals come before any image is read.
+"""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, cast
 
 from rigs.aperture import check_apertures
+from rigs.check import convention_errors_in
 from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, VOXEL, choose_form
-from tomo.pipeline.checks import comparison
 from tomo.pipeline.coarse import FEWEST_VIEWS
+from tomo.pipeline.declared import comparison
 from tomo.pipeline.methods import AUTO, Method, method_named, method_names
 from tomo.pipeline.options import Options
-from tomo.pipeline.peak import check_peak
 from tomo.pipeline.place import check_device
 from tomo.scan import Scan
+from tomo.scan.corrections import counts_in_words
 from tomo.uncertainty import AUTO_REPEATS
 
 if TYPE_CHECKING:
@@ -48,7 +52,7 @@ def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
     if options.aperture_rays > 1:
         _check_aperture(options, scan)
     cameras_to_refine(options, scan)
-    check_peak(options, scan)
+    _check_peak(options, scan)
     if grid is None:
         raise ValueError(
             f"{scan.where}grid: found none in the scan or its rig, expected one: "
@@ -205,3 +209,49 @@ def _check_hold_out(options: Options, scan: Scan) -> None:
             f"{scan.where}hold_out: found all {len(names)} cameras, expected at least one "
             "left to reconstruct from"
         )
+
+
+def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
+    """Return lines on errors of unit and convention, as ``check-rig`` finds them.
+
+    Raises
+    ------
+    ValueError
+        If all cameras have one, or one stands inside the grid, and `Options.screen` is on: no
+        volume comes of it.
+    """
+    lines = []
+    for error in convention_errors_in(scan.rig, grid):
+        everyone = set(error.cameras) >= set(scan.rig.names)
+        who = "all cameras" if everyone else f"camera {', '.join(error.cameras)}"
+        line = (
+            f"{who}: {error.text}. Correct the rig or the grid; flametomo check-rig shows what "
+            "the cameras see"
+        )
+        if everyone and options.screen:
+            raise ValueError(f"{scan.where}{line}. screen=False reconstructs all the same")
+        lines.append(line)
+    for camera in scan.rig if options.screen else ():
+        if ((camera.position > grid.lower) & (camera.position < grid.upper)).all():
+            why = "".join(
+                f"; {line}" for line in lines if line.startswith(f"camera {camera.name}:")
+            )
+            raise ValueError(
+                f"{scan.where}camera {camera.name}: found its position inside the grid, expected "
+                f"it outside: correct the rig, or take a smaller grid{why}. screen=False "
+                "reconstructs all the same"
+            )
+    return lines
+
+
+def _check_peak(options: Options, scan: Scan) -> None:
+    """Refuse a peak above 1 where images are integers that no gain or unit of light changes."""
+    stated = options.peak or scan.peak
+    if stated is None or stated <= 1 or not scan.in_full_scales():
+        return
+    where = f"{scan.source}: " if options.peak is None and scan.source else ""
+    bits = scan.corrections.bit_depth
+    counts = counts_in_words(stated, bits if isinstance(bits, int) else None)
+    raise ValueError(
+        f"{where}peak: found {stated:g}, expected at most 1, the full scale of integers; {counts}"
+    )

@@ -3,14 +3,197 @@
 from __future__ import annotations
 
 import dataclasses
+import math
+import os
+import re
 import textwrap
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass
+from numbers import Integral, Real
 from types import MappingProxyType
 from typing import Any, ClassVar, Self, TypeVar
 
 from rigs.files.text import expected_one_of
-from tomo.pipeline.checks import Check
+from tomo.operators.gpu.names import DEVICES, device_number
+
+
+@dataclass(frozen=True)
+class Check:
+    """How a value is accepted.
+
+    Attributes
+    ----------
+    expected : str
+        The values allowed, for messages: ``found X, expected ...``.
+    convert : callable
+        Returns the value in the option's own type, or raises ValueError or TypeError.
+    choices : tuple of str
+        The words allowed where there is nothing else.
+    metavar : str, optional
+        What stands for a value in ``--help`` where its option names nothing else.
+    """
+
+    expected: str
+    convert: Callable[[Any], Any]
+    choices: tuple[str, ...] = ()
+    metavar: str | None = None
+
+    def instead_of(self, value: Any) -> str:
+        """Return what was expected instead of a value, or what it is like."""
+        if self.choices and isinstance(value, str):
+            return expected_one_of(value, self.choices)
+        return f"expected {self.expected}"
+
+
+def choice(*words: str) -> Check:
+    """Accept one of some words."""
+
+    def convert(value: Any) -> str:
+        if value not in words:
+            raise ValueError
+        return str(value)
+
+    return Check(f"one of {', '.join(words)}", convert, words)
+
+
+def switch(*, optional: bool = False) -> Check:
+    """Accept True and False, and None where it is optional."""
+
+    def convert(value: Any) -> bool | None:
+        if value is None and optional:
+            return None
+        if value not in (True, False):
+            raise ValueError
+        return bool(value)
+
+    return Check("True, False or None" if optional else "True or False", convert)
+
+
+def text(*, optional: bool = False) -> Check:
+    """Accept text that is not empty, and None where it is optional."""
+
+    def convert(value: Any) -> str | None:
+        if value is None and optional:
+            return None
+        if not isinstance(value, str) or not value:
+            raise TypeError
+        return value
+
+    return Check("text", convert)
+
+
+def device() -> Check:
+    """Accept the name of a device."""
+
+    def convert(value: Any) -> str:
+        device_number(value)
+        return str(value)
+
+    return Check(DEVICES, convert)
+
+
+def path() -> Check:
+    """Accept the path of a file, or None."""
+    return Check(
+        "a path", lambda value: None if value is None else os.fspath(value), metavar="FILE"
+    )
+
+
+def names(*, optional: bool = False) -> Check:
+    """Accept names in a sequence, or in one text with commas between them."""
+
+    def convert(value: Any) -> tuple[str, ...] | None:
+        if value is None and optional:
+            return None
+        parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else value
+        if not all(isinstance(part, str) for part in parts):
+            raise TypeError
+        return tuple(parts)
+
+    return Check("names of cameras", convert)
+
+
+def whole(
+    lower: float = -math.inf,
+    upper: int | None = None,
+    upper_text: str | None = None,
+    *,
+    words: tuple[str, ...] = (),
+    but: tuple[int, ...] = (),
+    optional: bool = False,
+    expected: str | None = None,
+) -> Check:
+    """Accept a whole number within bounds, one of some words, and None where it is optional."""
+
+    def convert(value: Any) -> int | str | None:
+        if (value is None and optional) or (isinstance(value, str) and value in words):
+            return value
+        number: Any = value if isinstance(value, Integral) else _whole_float(value)
+        if isinstance(value, bool) or number < lower or number in but:
+            raise ValueError
+        if upper is not None and number > upper:
+            raise ValueError
+        return int(number)
+
+    bounds = f" >= {lower}" if lower > -math.inf else ""
+    if upper is not None:
+        bounds = f" from {lower} to {upper_text or upper}"
+    return Check(expected or f"a whole number{bounds}", convert, metavar="N")
+
+
+def number(
+    lower: float = -math.inf,
+    *,
+    above: float = -math.inf,
+    words: tuple[str, ...] = (),
+    optional: bool = False,
+) -> Check:
+    """Accept a finite number, one of some words, and None where it is optional."""
+
+    def convert(value: Any) -> float | str | None:
+        if (value is None and optional) or (isinstance(value, str) and value in words):
+            return value
+        if isinstance(value, bool) or not isinstance(value, Real | str):
+            raise TypeError
+        found = float(value)
+        if not (math.isfinite(found) and found >= lower and found > above):
+            raise ValueError
+        return found
+
+    bound = f"a number >= {lower:g}" if lower > -math.inf else "a number"
+    bound = f"a number above {above:g}" if above > -math.inf else bound
+    return Check(" or ".join([", ".join(words), bound][not words :]), convert, metavar="X")
+
+
+def comparisons(known: Sequence[str]) -> Check:
+    """Accept methods, each as ``METHOD`` or ``METHOD:ITERATIONS``."""
+
+    def convert(value: Any) -> tuple[str, ...]:
+        if isinstance(value, str):
+            raise TypeError
+        for one in value:
+            if comparison(one)[0] not in known:
+                raise ValueError
+        return tuple(value)
+
+    return Check(f"METHOD or METHOD:ITERATIONS, of the methods {', '.join(known)}", convert)
+
+
+def comparison(written: str) -> tuple[str, int | None]:
+    """Return method and iterations of ``METHOD`` or ``METHOD:ITERATIONS``."""
+    match = re.fullmatch(r"([\w-]+)(?::(\d{1,6}))?", written, re.ASCII)
+    if match is None:
+        raise ValueError(f"compare: found {written!r}, expected METHOD or METHOD:ITERATIONS")
+    return match[1], int(match[2]) if match[2] else None
+
+
+def _whole_float(value: Any) -> int:
+    """Return a whole number that was written as text or as a float."""
+    found = float(value)
+    if found != int(found):
+        raise ValueError
+    return int(value) if isinstance(value, str) and value.isdecimal() else int(found)
+
 
 T = TypeVar("T", bound="Declared")
 

@@ -23,12 +23,11 @@ from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_options import may_learn
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
-from tomo.pipeline.peak import Peak
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.trace import blind_warnings, through_gas
-from tomo.pipeline.view import View, quality
+from tomo.pipeline.view import Peak, View, quality
 from tomo.rays.visible_pixels import pixels_that_see
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks

@@ -8,11 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.inference.misplaced import TURNS
 from tomo.measurement import NoiseModel, estimate_noise
 from tomo.model import Observation
 from tomo.pipeline.load import LoadedScan
-from tomo.pipeline.screen import Place, ScreenedScan
+from tomo.pipeline.screen import ScreenedScan, in_place
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
 
@@ -88,17 +87,6 @@ def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
     used, apart = part(screened.scan), part(screened.apart)
     said = tuple(line for line in loaded.record.warnings if line not in loaded.scan.notes)
     return FrameImages(loaded.frame, *used, *apart, said)
-
-
-def in_place(values: Sequence, names: Sequence[str], place: Place) -> list:
-    """Return values, one a camera, with the one that was in the wrong place in its own."""
-    found, view = list(values), names.index(place.camera)
-    if place.turned:
-        found[view] = TURNS[place.turned](found[view]).copy()
-    else:
-        other = names.index(place.other)
-        found[view], found[other] = found[other], found[view]
-    return found
 
 
 def usable_in_all(masks: Sequence[Masks]) -> list[NDArray[np.bool_]]:

@@ -34,7 +34,7 @@ from tomo.operators import Absorption, extinction_of
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.coarse import CoarseCopy, factor_of
-from tomo.pipeline.findings import findings_of, findings_of_pixels
+from tomo.pipeline.findings import findings_of, findings_of_pixels, with_lines
 from tomo.pipeline.frames import images_of, noise_of_frames
 from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
@@ -42,10 +42,8 @@ from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.place import device_of_inference
 from tomo.pipeline.refine import Refinement, priors_of
-from tomo.pipeline.scan_lines import with_lines
-from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.screen import ScreenedScan, with_image_in_place, without_unusable
 from tomo.pipeline.stage import Record, as_warning, timed
-from tomo.pipeline.usable import with_image_in_place, without_unusable
 from tomo.scan import Scan
 from tomo.selection.folds import FEW_VIEWS
 

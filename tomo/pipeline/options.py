@@ -9,18 +9,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any, Self
 
-from tomo.pipeline.checks import (
+from tomo.pipeline.declared import (
+    Declared,
     choice,
     comparisons,
     device,
+    documented,
     names,
     number,
+    option,
     path,
     switch,
     text,
     whole,
 )
-from tomo.pipeline.declared import Declared, documented, option
 from tomo.pipeline.methods import AUTO, method_names
 
 OFF = "off"

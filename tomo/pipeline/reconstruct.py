@@ -16,9 +16,9 @@ from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.pipeline.assemble import Stages, assemble
 from tomo.pipeline.assess import Assessed, assess
-from tomo.pipeline.check_cameras import check_cameras
 from tomo.pipeline.check_options import (
     cameras_to_refine,
+    check_cameras,
     check_options,
 )
 from tomo.pipeline.coarse import RAYS, SEGMENTS, factor_of
@@ -26,16 +26,14 @@ from tomo.pipeline.evaluate import Evaluated, Reference, counted, evaluate, read
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.load import LoadedScan, load
 from tomo.pipeline.options import Options
-from tomo.pipeline.pace import Pace
-from tomo.pipeline.peak import peak_of
 from tomo.pipeline.prepare import INFERENCE, prepare
 from tomo.pipeline.reconstruction import Reconstruction
-from tomo.pipeline.self_absorption import with_own_absorption
-from tomo.pipeline.solve import SOLVE, Compared, compare, solve
-from tomo.pipeline.stage import as_warning
+from tomo.pipeline.solve import SOLVE, Compared, compare, solve, with_own_absorption
+from tomo.pipeline.stage import Pace, as_warning
+from tomo.pipeline.view import peak_of
 from tomo.scan import Scan
 from tomo.scan.downsample import Coarser
-from tomo.scan.given import as_scan
+from tomo.scan.files import as_scan
 
 TRUST = "how far to trust it"
 

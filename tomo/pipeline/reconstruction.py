@@ -17,10 +17,9 @@ from tomo.inference.finding import Finding
 from tomo.io import data_array
 from tomo.pipeline.answer import Answer, answer_of
 from tomo.pipeline.options import Options
-from tomo.pipeline.peak import Peak
 from tomo.pipeline.report_json import report_of
 from tomo.pipeline.verdict import Verdict, judge
-from tomo.pipeline.view import View
+from tomo.pipeline.view import Peak, View
 from tomo.solvers import Solution
 
 if TYPE_CHECKING:
@@ -62,7 +61,7 @@ class Reconstruction:
     detection_limits : mapping, optional
         The smallest faults that the images would tell, see `tomo.pipeline.limits.Limits.report`.
     depth_of_field : mapping, optional
-        How it was modelled, see `tomo.pipeline.depth_of_field`; None where lenses were pinholes.
+        How it was modelled, see `tomo.pipeline.assemble`; None where lenses were pinholes.
     refinement, gains : mapping, optional
         See `tomo.pipeline.refine.Refinement.report` and `tomo.operators.view_gains.Gains.report`;
         None where they were not looked for, or the gains not corrected.

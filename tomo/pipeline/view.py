@@ -1,8 +1,9 @@
-"""One camera's image beside its re-projection, and the figures of the two; those of a volume."""
+"""One camera's image beside its re-projection, the figures of both, and the peak for PSNR."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,6 +15,9 @@ from tomo import metrics
 from tomo._compute.reductions import dot, norm
 from tomo.measurement import NoiseModel, estimate_noise
 from tomo.measurement.noise_model import SIDE, block_means
+from tomo.pipeline.options import Options
+from tomo.scan import Scan
+from tomo.scan.images import Images, Masks
 
 SURE = 1.5
 """Ratio of a residual to the noise up to which it may be noise: estimates are good to a quarter.
@@ -222,3 +226,56 @@ def quality(volume: NDArray, truth: NDArray | None) -> dict[str, float]:
         "nrmse": metrics.nrmse(volume, truth),
         "total_ratio": float(volume.sum(dtype=np.float64)) / total if total else math.nan,
     }
+
+
+STATED, BRIGHTEST = "stated", "brightest measured pixel"
+
+
+@dataclass(frozen=True)
+class Peak:
+    """The largest value that images can have, for PSNR and SSIM.
+
+    Attributes
+    ----------
+    value : float
+    unit : str
+        That of the images, such as ``full scales``.
+    origin : str
+        `STATED` or `BRIGHTEST`.
+    """
+
+    value: float
+    unit: str
+    origin: str = STATED
+
+
+def peak_in_words(peak: Mapping[str, Any]) -> str:
+    """Return the ``peak`` of ``report.json`` in words."""
+    return f"{peak['value']:.4g} {peak['unit']} ({peak['origin']})"
+
+
+def with_unit(figure: str, text: str) -> str:
+    """Return a figure of an image with its unit: PSNR is in decibels, others are fractions.
+
+    >>> with_unit("psnr", "31.4"), with_unit("ssim", "0.98")
+    ('31.4 dB', '0.98')
+    """
+    return f"{text} dB" if figure == "psnr" else text
+
+
+def peak_of(
+    scan: Scan, frame: str, frames: Iterable[Images], masks: Masks, options: Options
+) -> Peak:
+    """Return the peak: the option's, else the scan's, else the brightest usable pixel.
+
+    ``frames`` are images as the scan's corrections leave them, and ``frame`` says their unit.
+    """
+    unit, stated = scan.image_unit(frame), options.peak or scan.peak
+    if stated is not None:
+        return Peak(stated, unit)
+    brightest = max(
+        float(image.max(where=mask, initial=0.0))
+        for images in frames
+        for image, mask in zip(images, masks, strict=True)
+    )
+    return Peak(max(brightest, float(np.finfo(np.float32).tiny)), unit, BRIGHTEST)

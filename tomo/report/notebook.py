@@ -10,7 +10,7 @@ from rigs.notebook import facts, framed, times
 from tomo.draw.figures import png_bytes
 from tomo.draw.page import embedded
 from tomo.pipeline import Reconstruction
-from tomo.pipeline.peak import peak_in_words, with_unit
+from tomo.pipeline.view import peak_in_words, with_unit
 from tomo.report.facts import number_text
 from tomo.report.result_figures import draw_deviations
 

@@ -11,8 +11,7 @@ from tomo.draw.page import embedded, render
 from tomo.metrics import cosine_distance, nrmse
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.answer import HARMFUL
-from tomo.pipeline.peak import peak_in_words
-from tomo.pipeline.view import View
+from tomo.pipeline.view import View, peak_in_words
 from tomo.report.about import About, origin_rows
 from tomo.report.facts import (
     advice,

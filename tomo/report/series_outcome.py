@@ -13,12 +13,10 @@ from rigs.progress import Progress, progress_of
 from tomo.report.series_report import write_series_report
 from tomo.scan import Scan
 from tomo.series import SeriesStore
-from tomo.series.answer import answer_of_series
 from tomo.series.frames import UnreadableError, read_frame
 from tomo.series.layout import CAMERA_FIGURES
 from tomo.series.store import COMPLETE, LEFT_OUT
-from tomo.series.table import SeriesTable
-from tomo.series.verdict import verdict_of_series
+from tomo.series.verdict import SeriesTable, answer_of_series, verdict_of_series
 from tomo.series.watching import in_words, watch_table
 
 MOST_REASONS = 3

@@ -16,7 +16,7 @@ from tomo.draw.film.visualize import film_of, moments_of, shown_places, words_of
 from tomo.draw.page import render
 from tomo.draw.scene import Scene
 from tomo.draw.stage import stage
-from tomo.pipeline.peak import peak_in_words
+from tomo.pipeline.view import peak_in_words
 from tomo.report.facts import (
     advice,
     detail_tables,
@@ -26,9 +26,7 @@ from tomo.report.facts import (
     without_nulls,
 )
 from tomo.report.glossary import with_glossary
-from tomo.series.answer import answer_of_series
-from tomo.series.table import SeriesTable
-from tomo.series.verdict import verdict_of_series
+from tomo.series.verdict import SeriesTable, answer_of_series, verdict_of_series
 
 
 def write_series_report(

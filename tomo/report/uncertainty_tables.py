@@ -8,7 +8,7 @@ from typing import Any
 
 from tomo.draw.figures import raised
 from tomo.pipeline.answer import HARMFUL
-from tomo.pipeline.verdict import expected_error, least_measured
+from tomo.pipeline.facts import expected_error, least_measured
 from tomo.report.facts import advice, short_unit
 
 _VIEW_BINS = ((0, 0), (1, 1), (2, 2), (3, 4), (5, 8), (9, 16), (17, 32), (33, math.inf))

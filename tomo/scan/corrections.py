@@ -15,8 +15,13 @@ from rigs.recordings.mosaic import COLOURS, Mosaic, is_channel
 from rigs.recordings.still import CHANNELS
 from tomo.measurement import DeadLines, find_dead_lines
 from tomo.measurement.stored_bits import FULL, StoredBits, stored_bits
-from tomo.scan.image_source import ImageSource, holds_integers, read_intensities
-from tomo.scan.mean_image import MeanImage, images_by_camera
+from tomo.scan.image_source import (
+    ImageSource,
+    MeanImage,
+    holds_integers,
+    images_by_camera,
+    read_intensities,
+)
 
 _OF_IMAGES = ("dark", "flat", "mask")
 """Corrections that may be images."""

@@ -13,7 +13,7 @@ from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import grid_of_rig
 from tomo.scan.corrections import recorded
 from tomo.scan.films import films_in, frame_rate_of, frames_of_films, notes_of_films
-from tomo.scan.frames import Frame
+from tomo.scan.image_source import Frame
 from tomo.scan.scan import Scan
 
 if TYPE_CHECKING:

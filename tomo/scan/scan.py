@@ -17,7 +17,7 @@ from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.arrays import as_data_array, corrections_with, frames_of, truth_on
 from tomo.scan.corrections import Corrections, recorded
 from tomo.scan.films import FilmFrame
-from tomo.scan.frames import Frame
+from tomo.scan.image_source import Frame
 from tomo.scan.images import ScanImages
 from tomo.scan.radiometry import Radiometry
 from tomo.scan.write import check_cameras, save_scan
@@ -67,7 +67,7 @@ class Scan(ScanImages):
     peak : float, optional
         The largest value of corrected images for PSNR and SSIM; their brightest pixel when None.
     origin : mapping
-        What loads the scan again beside ``source``: see `tomo.scan.given.scan_again`.
+        What loads the scan again beside ``source``: see `tomo.scan.files.scan_again`.
     """
 
     rig: Rig

@@ -13,9 +13,8 @@ from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import Film, frame_rate_of, frames_of_films, notes_of_films
-from tomo.scan.frames import Frame
 from tomo.scan.image_folder import frames_in
-from tomo.scan.mean_image import MeanImage
+from tomo.scan.image_source import Frame, MeanImage
 from tomo.scan.radiometry import Calibration, Radiometry
 from tomo.scan.scan import Scan
 from tomo.scan.write import check_cameras

@@ -11,7 +11,7 @@ import zarr
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.files.atomic import flush
-from tomo.io.checked_arrays import chunk_file, has_checksums, reading_chunk
+from tomo.io.volume_film import chunk_file, has_checksums, reading_chunk
 from tomo.series.layout import COORDINATES
 
 

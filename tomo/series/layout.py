@@ -17,8 +17,7 @@ import zarr
 from rigs.files.size_guard import errors_of_libraries
 from rigs.files.text import write_bytes
 from tomo.grid import VoxelGrid
-from tomo.io.checked_arrays import create_array
-from tomo.io.volume_film import write_coordinates
+from tomo.io.volume_film import create_array, write_coordinates
 from tomo.radiometry.units import unit_of_total
 from tomo.series.frames import BLOCK
 

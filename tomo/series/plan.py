@@ -2,27 +2,65 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo.grid import VoxelGrid
+from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.operators import LinearSystem
 from tomo.operators.gpu.names import CPU
+from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_options import methods_of
+from tomo.pipeline.evaluate import pixels_in_sight
 from tomo.pipeline.options import Options
-from tomo.pipeline.peak import Peak
 from tomo.pipeline.place import at_device, device_of_rank, system_on_cpu
 from tomo.pipeline.register import Registered
 from tomo.pipeline.report_json import plain
 from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.view import Peak
 from tomo.scan import Scan
+from tomo.scan.images import Masks
 from tomo.selection.choose import Choice
-from tomo.series.block_system import BlockSystem
 from tomo.series.temporal import TemporalFilter, with_neighbours
 from tomo.series.temporal_choice import TemporalChoice
 from tomo.uncertainty import view_coverage
+
+
+@dataclass(frozen=True, eq=False)
+class BlockSystem:
+    """The equations that the frames of a block share.
+
+    Attributes
+    ----------
+    built : WeightedSystem
+        Those of the cameras that take part; its pixels are those of one frame.
+    apart : LinearSystem, optional
+        Those of the cameras that take no part, in the same basis, through the same gas.
+    active : ActiveVoxels
+        The voxels that any frame of the block may light.
+    pixels : tuple of (height, width) bool
+        The pixels that were asked for, one image a camera.
+    """
+
+    built: WeightedSystem
+    apart: LinearSystem | None
+    active: ActiveVoxels
+    pixels: tuple[NDArray[np.bool_], ...]
+
+    def changed(self, change: Callable[[LinearSystem], LinearSystem]) -> BlockSystem:
+        """Return the same equations, both kinds of them changed alike."""
+        built = replace(self.built, system=change(self.built.system))
+        return replace(self, built=built, apart=self.apart and change(self.apart))
+
+    @cached_property
+    def in_sight(self) -> tuple[Masks, Masks]:
+        """The pixels that may see the grid, of cameras that take part and of those that do not."""
+        apart = [] if self.apart is None else pixels_in_sight(self.apart)
+        return pixels_in_sight(self.built.system), apart
 
 
 @dataclass(frozen=True, eq=False)

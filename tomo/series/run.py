@@ -22,23 +22,28 @@ from tomo.operators.gpu import DeviceError
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
 from tomo.scan import Scan
-from tomo.scan.given import as_scan
+from tomo.scan.files import as_scan
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, reader_of
 from tomo.series.layout import mend_descriptions
-from tomo.series.mend import mend
 from tomo.series.overlap import read_ahead, write_behind
 from tomo.series.plan import Plan
-from tomo.series.same_run import Claims, attributes_of_plan, attributes_of_run, check_same_run
+from tomo.series.same_run import (
+    Claims,
+    attributes_of_plan,
+    attributes_of_run,
+    check_same_run,
+    mend,
+)
 from tomo.series.settle import check_series_options, make_plan
 from tomo.series.solving import (
     SKIPPED,
     FrameResult,
+    solve_filtered,
     solve_frame,
     solve_together,
 )
 from tomo.series.store import SeriesStore
 from tomo.series.systems import system_of_block
-from tomo.series.temporal_solve import solve_filtered
 
 if TYPE_CHECKING:
     from os import PathLike

@@ -1,10 +1,11 @@
-"""Whether a run may go on with a store, and which process has which of its blocks in hand.
+"""Whether a run may go on with a store, who has which of its blocks, and what is damaged in it.
 
 What the store was made from and with is compared. Claims are locks that end with their process.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -17,13 +18,14 @@ import numpy as np
 import yaml
 
 from rigs.files.write_rig import rig_to_yaml
+from rigs.progress import Progress
 from tomo.grid import VoxelGrid
 from tomo.pipeline.options import Options
 from tomo.pipeline.report_json import plain, versions
 from tomo.scan import Scan
 from tomo.scan.films import FilmFrame
-from tomo.scan.mean_image import MeanImage
-from tomo.series.frames import BLOCK, naming, readable_keys
+from tomo.scan.image_source import MeanImage
+from tomo.series.frames import BLOCK, blocks_of, naming, readable_keys
 from tomo.series.plan import Plan
 from tomo.series.store import SeriesStore
 
@@ -216,3 +218,58 @@ class Claims:
         """Give a block back."""
         if self._system is not None:
             self._system.lockf(self._handle, self._system.LOCK_UN, 1, block.start)
+
+
+logger = logging.getLogger(__name__)
+
+
+def mend(
+    store: SeriesStore,
+    times: Sequence[float],
+    frames: Sequence[int],
+    progress: Progress | None = None,
+) -> None:
+    """Read a store through, and have a run do again what is damaged in it.
+
+    Coordinates are written again. Frames that cannot be read are recorded as to be done; those
+    beside them stay complete meanwhile. A block that another run has in hand is left to it.
+
+    Parameters
+    ----------
+    store : SeriesStore
+        Its attributes are those of the run.
+    times, frames : sequence
+        As for `SeriesStore.create`.
+    progress : callable, optional
+    """
+    grid = VoxelGrid(**store.attributes["grid"])
+    expected = {"time": times, "frame": frames, **dict(zip("xyz", grid.axes(), strict=True))}
+    for name, values in expected.items():
+        try:
+            if np.array_equal(store.values(name), values):
+                continue
+            line = f"{store.path}: {name}: found other values than this run's; written again"
+        except ValueError as error:
+            line = str(error)
+        logger.warning("%s", line)
+        store.write_coordinates(name, values)
+    damaged = []
+    for block in blocks_of(store.n_frames):
+        if progress:
+            progress(block.start, store.n_frames, "reading what is there")
+        if store.damage(block):
+            damaged.append(block)
+    if progress:
+        progress(store.n_frames, store.n_frames, "")
+    if not damaged:  # nothing is written: the store may be on a disk that allows none
+        return
+    with Claims(store.path) as claims:
+        for block in damaged:
+            if not claims.take(block, wait=False):
+                continue
+            found = store.damage(block)  # another run may have done it again since
+            if found:
+                store.forget(block, found)
+            for line in dict.fromkeys(found.values()):
+                logger.warning("%s", line)
+            claims.release(block)

@@ -6,7 +6,7 @@ where cameras look, how much is carved and how smooth volumes are from the frame
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,27 +16,26 @@ from rigs.progress import staged
 from tomo.grid import VoxelGrid
 from tomo.operators.gpu.names import settled
 from tomo.operators.system import Progress
-from tomo.pipeline.basis import BLOCK
-from tomo.pipeline.build import WeightedSystem
-from tomo.pipeline.check_cameras import check_cameras
-from tomo.pipeline.check_options import cameras_to_refine, check_options, methods_of
+from tomo.pipeline.build import BLOCK, WeightedSystem
+from tomo.pipeline.check_options import cameras_to_refine, check_cameras, check_options, methods_of
 from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
-from tomo.pipeline.peak import peak_of
 from tomo.pipeline.place import at_device
 from tomo.pipeline.prepare import prepare
 from tomo.pipeline.solve import solve
+from tomo.pipeline.view import peak_of
 from tomo.scan import Scan
 from tomo.selection import choose_by_left_out_pixels
 from tomo.selection.choose import Choice
-from tomo.series.block_system import BlockSystem
-from tomo.series.frames import read_frame, readable_keys, spread
-from tomo.series.plan import Plan
-from tomo.series.systems import weighted
-from tomo.series.temporal_plan import settle_filter
+from tomo.series.frames import read_frame, readable_keys, reader_of, spread
+from tomo.series.plan import BlockSystem, Plan
+from tomo.series.solving import solved_together
+from tomo.series.systems import system_of_block, weighted
+from tomo.series.temporal import REACH, TemporalFilter
+from tomo.series.temporal_choice import WINDOW, TemporalChoice, Window, choose_filter, leave_out
 
 CHOOSING = 3
 """Key frames of which each says how smooth volumes are to be. More: planning takes long, though
@@ -161,3 +160,73 @@ def middle(choices: Sequence[Choice]) -> Choice:
 def _emission(built: WeightedSystem, options: Options) -> NDArray[np.float32] | None:
     """Return the emission of the mean where gas absorbs its own light."""
     return solve(built, options).solution.volume if built.absorption.emission else None
+
+
+LEAST_VIEWS = 2
+"""Views up to which none can be left out: one alone says nothing of another."""
+
+WINDOWS = 2
+"""Windows, spread over the series. More: planning takes long. Fewer: one odd moment decides."""
+
+
+def settle_filter(
+    plan: Plan, choice: Choice, stage: Callable[[str], object] = lambda words: None
+) -> TemporalChoice:
+    """Return whether and how frames are to be filtered in time.
+
+    Parameters
+    ----------
+    plan : Plan
+    choice : Choice
+        How smooth volumes are.
+    stage : callable, optional
+        Receives what is done.
+    """
+    wanted, count = plan.options.temporal, len(plan.places)
+    if wanted == OFF:
+        return TemporalChoice(None, "it was asked for")
+    if plan.system.built.absorption.emission:
+        return TemporalChoice(None, "the gas absorbs its own light: frames are solved repeatedly")
+    if not isinstance(wanted, str):
+        return TemporalChoice(TemporalFilter.gaussian(wanted), "it was asked for")
+    if count <= 2 * REACH:
+        return TemporalChoice(None, f"{count} frames are too few to see what neighbours say")
+    views = len(plan.registered.rig)
+    if views <= LEAST_VIEWS:
+        return TemporalChoice(None, f"{views} views are too few to leave one out")
+    windows, length = [], min(WINDOW, count)
+    enough = count >= WINDOWS * length
+    for number, middle in enumerate(spread(count, WINDOWS if enough else 1)):
+        stage(f"what neighbouring frames say, {number + 1} of {WINDOWS}")
+        first = min(max(middle - length // 2, 0), count - length)
+        view = spread(views, WINDOWS)[number]
+        found = _window(plan, choice, range(first, first + length), view)
+        windows += [] if found is None else [found]
+    if not windows:
+        return TemporalChoice(None, "too few frames around the key frames can be read")
+    return choose_filter(windows)
+
+
+def _window(plan: Plan, choice: Choice, places: range, view: int) -> Window | None:
+    """Return the solutions of some frames without one view; None if most cannot be read."""
+    read = reader_of(plan.scan, plan.screened, plan.options.skip_bad)
+    both = {place: read(plan.places[place]) for place in places}
+    frames = {place: one for place, one in both.items() if one is not None}
+    if len(frames) <= 2 * REACH:
+        return None
+    system = system_of_block(plan, list(frames.values()))
+    whole = system.built.system
+    fold, held = leave_out(view, whole.projector, whole.blocks(BLOCK))
+    part = replace(whole, projector=fold.training)
+    training, left_out, weights = [], {}, {}
+    for place, frame in frames.items():
+        built = weighted(plan, system, frame)
+        left_out[place] = built.measured[held]
+        weights[place] = None if built.weights is None else built.weights[held]
+        own = None if built.weights is None else built.weights[~held]
+        training.append(replace(built, system=part, measured=built.measured[~held], weights=own))
+    found = solved_together(plan, training, choice)
+    solutions = {place: unknowns for place, (_, unknowns) in zip(frames, found, strict=True)}
+    seen = {place: one.measured for place, one in zip(frames, training, strict=True)}
+    seen_weights = {place: one.weights for place, one in zip(frames, training, strict=True)}
+    return Window(fold, solutions, left_out, weights, seen, seen_weights)

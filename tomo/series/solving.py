@@ -1,4 +1,4 @@
-"""The frames of a block: their volumes, solved together, and their figures."""
+"""The frames of a block: their volumes, solved together, filtered in time; and their figures."""
 
 from __future__ import annotations
 
@@ -14,17 +14,16 @@ from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evaluate import read_reference, views_of
 from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
-from tomo.pipeline.self_absorption import with_own_absorption
-from tomo.pipeline.solve import Solved, solve_by, voxel_means_of
+from tomo.pipeline.solve import Solved, solve_by, voxel_means_of, with_own_absorption
 from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View, quality
 from tomo.radiometry.units import unit_of_total
 from tomo.selection import solve_several_smoothly
 from tomo.selection.choose import Choice
 from tomo.selection.smooth_solve import smooth_start
-from tomo.series.block_system import BlockSystem
-from tomo.series.plan import Plan
+from tomo.series.plan import BlockSystem, Plan
 from tomo.series.systems import weighted
+from tomo.series.temporal import TemporalFilter, growth
 from tomo.solvers import Iteration, Solution
 
 
@@ -196,3 +195,43 @@ def _relative_residual(views: list[View]) -> float:
         squared += float(np.sum((measured - view.reprojected[usable]) ** 2))
         light += float(np.sum(measured**2))
     return math.sqrt(squared / light) if light > 0 else math.nan
+
+
+def solve_filtered(
+    plan: Plan,
+    system: BlockSystem,
+    own: Sequence[int],
+    frames: Mapping[int, FrameImages],
+    choice: Choice,
+    temporal: TemporalFilter,
+) -> Iterator[tuple[int, FrameResult]]:
+    """Yield the places of a block's frames and their results, filtered in time.
+
+    Parameters
+    ----------
+    plan : Plan
+    system : BlockSystem
+    own : sequence of int
+        The places of the block's frames.
+    frames : mapping
+        Place to the images: of the block's frames, and of neighbours.
+    choice : Choice
+        How smooth.
+    temporal : TemporalFilter
+        How frames are filtered, see `Plan.filter`.
+    """
+    began = time.perf_counter()
+    built = {place: weighted(plan, system, frame) for place, frame in frames.items()}
+    found = dict(zip(frames, solved_together(plan, list(built.values()), choice), strict=True))
+    solutions = {place: unknowns for place, (_, unknowns) in found.items()}
+    projector = system.built.system.projector
+    spent = (time.perf_counter() - began) / len(own)
+    for place in own:
+        now = time.perf_counter() - spent
+        result, alone = found[place]
+        unknowns, one = temporal.apply(projector.active, solutions, place), built[place]
+        grown = growth(projector, one.measured, one.weights, alone, unknowns)
+        if grown <= temporal.most:
+            volume = voxel_means_of(projector, unknowns)
+            result = replace(result, solution=replace(result.solution, volume=volume))
+        yield place, compared(plan, system, frames[place], result, now)

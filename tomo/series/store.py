@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
 from tomo.grid import Volume, VoxelGrid
-from tomo.io.checked_arrays import note_without_checksums
+from tomo.io.volume_film import note_without_checksums
 from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.series.chunks import Chunks
 from tomo.series.layout import CAMERA_FIGURES, FIGURES, open_arrays, write_empty

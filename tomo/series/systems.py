@@ -8,16 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from tomo.grid import ActiveVoxels
-from tomo.pipeline.basis import in_basis
-from tomo.pipeline.build import WeightedSystem, weigh_images
+from tomo.pipeline.build import WeightedSystem, in_basis, weigh_images
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.evaluate import system_apart, trace_apart
 from tomo.pipeline.frames import FrameImages, usable_in_all
-from tomo.pipeline.hulls import hull_of_frames
 from tomo.pipeline.place import at_device
+from tomo.pipeline.register import hull_of_frames
 from tomo.pipeline.trace import through_gas, trace_views
-from tomo.series.block_system import BlockSystem
-from tomo.series.plan import Plan
+from tomo.series.plan import BlockSystem, Plan
 
 
 def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:

@@ -1,13 +1,16 @@
-"""How far to trust a series: the verdict of every frame, the worst of them and how many."""
+"""The figures of a series, its answer in one sentence, and how far to trust it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from tomo.pipeline.answer import EXPLAINED, HARMFUL, NOT_EXPLAINED, PARTLY, percent
 from tomo.pipeline.answer import UNKNOWN_VERDICT as UNKNOWN
 from tomo.pipeline.verdict import (
     GREEN,
@@ -19,8 +22,131 @@ from tomo.pipeline.verdict import (
     rules_that_apply,
     worst_of,
 )
-from tomo.series.answer import verdict_of_frame
-from tomo.series.table import SeriesTable
+from tomo.series.layout import CAMERA_FIGURES, FIGURES
+from tomo.series.store import SeriesStore
+
+
+@dataclass(frozen=True)
+class SeriesAnswer:
+    """Whether the volumes of a series explain their images.
+
+    Attributes
+    ----------
+    verdict : str
+        That of the middle frame, ordered by how well they are explained.
+    sentence : str
+    explained, partly, not_explained, unknown : int
+        How many frames have each verdict.
+    """
+
+    verdict: str
+    sentence: str
+    explained: int = 0
+    partly: int = 0
+    not_explained: int = 0
+    unknown: int = 0
+
+
+def verdict_of_frame(worst: float) -> str:
+    """Return whether a frame is explained, from its worst image's residual beyond noise."""
+    return NOT_EXPLAINED if worst > HARMFUL else PARTLY if worst else EXPLAINED
+
+
+def answer_of_series(
+    table: Mapping[str, NDArray], frames: Sequence[int], cameras: Sequence[str]
+) -> SeriesAnswer:
+    """Return the answer from the figures of the frames.
+
+    Parameters
+    ----------
+    table : mapping
+        ``view_beyond_noise`` ``(frames, cameras)``: the residual that noise does not explain, as a
+        fraction of the image; NaN of dark images and of excluded cameras. ``psnr``, optional:
+        where it is known, a camera was held out and does not count. ``complete`` ``(frames,)``.
+    frames : sequence of int
+        Their numbers in the scan.
+    cameras : sequence of str
+    """
+    beyond, complete = np.asarray(table["view_beyond_noise"]), np.asarray(table["complete"]) == 1
+    if "psnr" in table:
+        beyond = np.where(np.isfinite(table["psnr"]), np.nan, beyond)
+    lit = complete & np.isfinite(beyond).any(axis=1)
+    count, unknown = int(complete.sum()), int((complete & ~lit).sum())
+    if not lit.any():
+        sentence = "Not known: no frame has an image with light to compare its volume with."
+        return SeriesAnswer(UNKNOWN, sentence, unknown=unknown)
+    worst = np.nanmax(beyond[lit], axis=1)
+    explained = int((worst == 0).sum())
+    missed = int((worst > HARMFUL).sum())
+    partly = len(worst) - explained - missed
+    middle = float(np.median(worst))
+    verdict = verdict_of_frame(middle)
+    place = np.flatnonzero(lit)[int(np.argmax(worst))]
+    camera = cameras[int(np.nanargmax(beyond[place]))]
+    parts = [
+        f"{f'all {count}' if number == count else f'{number} of {count}'} frames {words}"
+        for number, words in (
+            (explained, "are explained up to their noise"),
+            (partly, f"but for up to {HARMFUL:.0%} of an image"),
+            (missed, f"miss more than {HARMFUL:.0%} of an image"),
+            (unknown, "are dark"),
+        )
+        if number
+    ]
+    sentence = (
+        f"{verdict.capitalize()}: {', '.join(parts)}; least well frame {frames[place]}, where "
+        f"camera {camera} is off by {percent(worst.max())} beyond the noise (middle frame "
+        f"{percent(middle)})."
+    )
+    return SeriesAnswer(verdict, sentence, explained, partly, missed, unknown)
+
+
+@dataclass(frozen=True, eq=False)
+class SeriesTable:
+    """The figures of a series.
+
+    Attributes
+    ----------
+    store : SeriesStore
+    frames : (frames,) int64
+        Numbers in the scan.
+    times : (frames,) float64
+    columns : mapping of str to (frames,) or (frames, cameras)
+        `FIGURES`, `CAMERA_FIGURES` and ``complete``; NaN where there is none.
+    """
+
+    store: SeriesStore
+    frames: NDArray[np.int64]
+    times: NDArray[np.float64]
+    columns: Mapping[str, NDArray]
+
+    @classmethod
+    def of(cls, store: SeriesStore) -> SeriesTable:
+        """Read the figures of a store."""
+        columns = {name: store.values(name) for name in (*FIGURES, *CAMERA_FIGURES)}
+        columns["complete"] = store.states
+        return cls(store, store.values("frame"), store.values("time"), columns)
+
+    @property
+    def cameras(self) -> list[str]:
+        """The names of the cameras, in the order of the columns."""
+        return self.store.attributes["cameras"]
+
+    def known(self, name: str) -> NDArray[np.float64]:
+        """Return the finite values of a figure of frames."""
+        values = self.columns[name]
+        return values[np.isfinite(values)]
+
+    def each_camera(self, name: str) -> dict[str, NDArray[np.float64]]:
+        """Return a figure's column of each camera that has it, NaN where a frame has none."""
+        columns = dict(zip(self.cameras, self.columns[name].T, strict=True))
+        return {camera: own for camera, own in columns.items() if np.isfinite(own).any()}
+
+    def label(self, place: int) -> str:
+        """Return words for a frame: its number, and its time where that is known."""
+        unit = self.store.attributes["time_unit"]
+        time = "" if unit == "1" else f", {self.times[place]:.6g} {unit}"
+        return f"frame {self.frames[place]}{time}"
 
 
 def verdict_of_series(table: SeriesTable) -> dict[str, Any]:

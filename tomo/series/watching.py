@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.series.store import LEFT_OUT
-from tomo.series.table import SeriesTable
+from tomo.series.verdict import SeriesTable
 
 SHORTEST = 8
 """Frames that a change has to last, and that have to come before it. Fewer: gusts are taken for

@@ -15,7 +15,7 @@ from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.operators.gpu.names import device_number
 from tomo.scan import Corrections
-from tomo.scan.write_film import writing_film
+from tomo.scan.write import writing_film
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
 from tomo.simulation.emission import field_and_grid

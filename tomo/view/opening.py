@@ -18,10 +18,10 @@ from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan
-from tomo.scan.given import scan_again
+from tomo.scan.files import scan_again
 from tomo.series.layout import FORMAT
 from tomo.series.store import SeriesStore
-from tomo.series.table import SeriesTable
+from tomo.series.verdict import SeriesTable
 from tomo.view.content import Content, Model
 from tomo.view.frames import Frames
 

@@ -15,8 +15,7 @@ from rigs import ring
 from tomo import VoxelGrid
 from tomo.cli.declared import command_line
 from tomo.pipeline import Options
-from tomo.pipeline.checks import number, switch, whole
-from tomo.pipeline.declared import option
+from tomo.pipeline.declared import number, option, switch, whole
 from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}

@@ -9,7 +9,7 @@ import rigs
 from tomo.grid import VoxelGrid
 from tomo.operators import GaussianBasis, LinearSystem
 from tomo.operators.spmm import COLUMNS, PIECE
-from tomo.pipeline.basis import in_basis
+from tomo.pipeline.build import in_basis
 
 
 @pytest.fixture(scope="module")

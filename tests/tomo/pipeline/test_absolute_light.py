@@ -7,7 +7,7 @@ import pytest
 
 import rigs
 from tomo import Corrections, Options, Scan, VoxelGrid, reconstruct
-from tomo.pipeline.peak import peak_of
+from tomo.pipeline.view import peak_of
 from tomo.scan import Calibration, Radiometry
 
 EMISSION, RADIUS = 4.0e4, 8.0  # W/m^3/sr, mm

@@ -9,7 +9,7 @@ from rigs import ring
 from rigs.check import scale_for
 from tomo import Scan, VoxelGrid
 from tomo.pipeline import Options
-from tomo.pipeline.check_cameras import check_cameras
+from tomo.pipeline.check_options import check_cameras
 
 GRID = VoxelGrid((20, 30, 20), 1.0)
 RIG = ring(5, distance=300.0, image_size=(60, 80), footprint=0.5)

@@ -5,15 +5,15 @@ import itertools
 import pytest
 
 from rigs.progress import WHOLE
-from tomo.pipeline import pace
-from tomo.pipeline.pace import Pace
+from tomo.pipeline import stage
+from tomo.pipeline.stage import Pace
 
 
 @pytest.fixture
 def clock(monkeypatch):
     """Have seconds pass only where a test says so."""
     now = [0.0]
-    monkeypatch.setattr(pace.time, "perf_counter", lambda: now[0])
+    monkeypatch.setattr(stage.time, "perf_counter", lambda: now[0])
     return lambda seconds: now.__setitem__(0, now[0] + seconds)
 
 

@@ -7,9 +7,8 @@ import pytest
 from rigs import ring
 from tomo import VoxelGrid
 from tomo.pipeline import Options, Reconstruction
-from tomo.pipeline.peak import Peak
 from tomo.pipeline.report_json import versions
-from tomo.pipeline.view import View, quality
+from tomo.pipeline.view import Peak, View, quality
 from tomo.solvers import Iteration, Solution
 
 RANDOM = np.random.default_rng(0)

@@ -8,8 +8,7 @@ from rigs import ring
 from tomo import LinearSystem, VoxelGrid
 from tomo.metrics import cosine_distance
 from tomo.pipeline import Options
-from tomo.pipeline.basis import Basis
-from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.build import Basis, WeightedSystem
 from tomo.pipeline.solve import repeatable, solve
 from tomo.pipeline.view import quality
 from tomo.simulation import simulate_images

@@ -13,7 +13,7 @@ from tomo.cli.corrections import value_of
 from tomo.inference.finding import Finding
 from tomo.operators.view_gains import Gains
 from tomo.pipeline import Options, reconstruct
-from tomo.pipeline.scan_lines import with_lines
+from tomo.pipeline.findings import with_lines
 from tomo.scan import Corrections
 from tomo.scan._schema import checked_corrections
 from tomo.scan.advice import correction_line

@@ -13,8 +13,7 @@ from tomo.draw import Scene
 from tomo.draw.stage import Shown, stage
 from tomo.grid import VoxelGrid
 from tomo.pipeline import Reconstruction
-from tomo.pipeline.peak import Peak
-from tomo.pipeline.view import View
+from tomo.pipeline.view import Peak, View
 from tomo.report import draw, write_pictures, write_report
 from tomo.report.glossary import PLACE, with_glossary
 from tomo.report.result_figures import draw_convergence, draw_difference

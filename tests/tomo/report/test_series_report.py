@@ -5,7 +5,7 @@ import pytest
 
 from tomo.draw.film.visualize import MOST_FRAMES
 from tomo.report.series_report import shown_places, write_series_report
-from tomo.series.table import SeriesTable
+from tomo.series.verdict import SeriesTable
 
 HOSTILE = "<script>alert(1)</script>"
 

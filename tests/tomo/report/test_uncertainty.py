@@ -5,8 +5,7 @@ from rigs import ring
 from tomo.grid import Volume, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.pipeline import Reconstruction
-from tomo.pipeline.peak import Peak
-from tomo.pipeline.view import View
+from tomo.pipeline.view import Peak, View
 from tomo.report.outcome_files import DEVIATION_FILES, write_outcome
 from tomo.report.result_figures import draw_deviations
 from tomo.report.uncertainty_tables import coverage_table, trust_figures

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tomo.series.answer import answer_of_series
+from tomo.series.verdict import answer_of_series
 
 CAMERAS = ("left", "right", "held")
 

@@ -10,7 +10,7 @@ from rigs import save_rig
 from tomo import scan_of_images
 from tomo.series import SeriesStore, reconstruct_series
 from tomo.series.frames import readable_keys
-from tomo.series.table import SeriesTable
+from tomo.series.verdict import SeriesTable
 from tomo.series.watching import watch_table
 
 BAD = {3: "cam01", 5: "cam00"}  # 5 is a key frame of eleven

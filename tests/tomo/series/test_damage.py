@@ -15,7 +15,7 @@ from tomo.export import export_series
 from tomo.report.series_outcome import series_report
 from tomo.series import SeriesStore, make_plan, reconstruct_series
 from tomo.series import run as series_run
-from tomo.series.table import SeriesTable
+from tomo.series.verdict import SeriesTable
 from tomo.view.opening import content_of_film
 
 EMISSION = "emission/c/{}/0/0/0"

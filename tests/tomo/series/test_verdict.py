@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from tomo.inference.finding import Finding
-from tomo.series.table import SeriesTable
-from tomo.series.verdict import verdict_of_series
+from tomo.series.verdict import SeriesTable, verdict_of_series
 
 USED = [f"cam{n}" for n in range(6)]
 

@@ -16,7 +16,7 @@ from tomo.draw.write_html import write_html
 from tomo.grid import Volume
 from tomo.series import SeriesStore
 from tomo.series.frames import slices_of
-from tomo.series.table import SeriesTable
+from tomo.series.verdict import SeriesTable
 
 MOST_FRAMES = 60
 """Frames of a film in a page; they share `tomo.draw.stage.MOST_VOXELS`."""

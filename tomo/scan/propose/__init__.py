@@ -5,8 +5,8 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
+        "contents": ["Request", "UndecidedError"],
         "proposal": ["Proposal", "propose_scan"],
-        "request": ["Request", "UndecidedError"],
         "write": ["WRITTEN", "write_proposal"],
     },
 )

@@ -17,7 +17,7 @@ from tomo.grid import VoxelGrid
 from tomo.hull.carving import Carving, carve
 from tomo.hull.darkness import Brightness
 from tomo.measurement import estimate_noise
-from tomo.measurement.background import background
+from tomo.measurement.pixel_check import background
 from tomo.scan.downsample import COARSEST
 from tomo.scan.scan import Scan
 

@@ -14,9 +14,8 @@ from rigs.recordings import find_images, image_size, is_film
 from rigs.recordings.layout import natural
 from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import Film, FilmFrame, frames_of_films
-from tomo.scan.frames import Frame
-from tomo.scan.propose.contents import Contents
-from tomo.scan.propose.request import UndecidedError
+from tomo.scan.image_source import Frame
+from tomo.scan.propose.contents import Contents, UndecidedError
 
 _USUAL = "images/"
 """Where a scan's images are by convention: they come before those of other folders."""

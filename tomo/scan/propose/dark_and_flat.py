@@ -12,10 +12,9 @@ from rigs.files.inside import path_inside
 from rigs.recordings.layout import common_start
 from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import FilmFrame
-from tomo.scan.mean_image import MeanImage, images_by_camera
+from tomo.scan.image_source import MeanImage, images_by_camera
 from tomo.scan.propose.camera_images import sizes_of
-from tomo.scan.propose.contents import Contents, kind_of
-from tomo.scan.propose.request import UndecidedError
+from tomo.scan.propose.contents import Contents, UndecidedError, kind_of
 
 FRAMES = "{frame}"
 

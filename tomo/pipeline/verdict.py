@@ -1,17 +1,59 @@
-"""The rules of the verdict: one row a finding, with its level, its words and the next step."""
+"""The verdict of a volume, by rules: one row a finding, with its level, words and next step."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 from rigs.check.resolved_wavelength import AS_LARGE
+from tomo.pipeline import facts
 from tomo.pipeline.answer import HARMFUL
-from tomo.pipeline.verdict import facts
-from tomo.pipeline.verdict.facts import LARGE, Facts
-from tomo.pipeline.verdict.value import AMBER, GREEN, LEVELS, RED, Verdict
+from tomo.pipeline.facts import LARGE, Facts
+
+GREEN, AMBER, RED = LEVELS = ("green", "amber", "red")
+MEANS: Mapping[str, str] = {GREEN: "use it", AMBER: "use with care", RED: "do not use"}
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """How far a volume can be trusted.
+
+    Attributes
+    ----------
+    level : str
+        One of `LEVELS`: ``green`` use it, ``amber`` use with care, ``red`` do not use.
+    reasons : tuple of str
+        In plain words, the gravest first; of a green volume what speaks for it.
+    next : tuple of str
+        What to do, the most useful first.
+    """
+
+    level: str
+    reasons: tuple[str, ...] = ()
+    next: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The level and its first reason in one sentence."""
+        more = len(self.reasons) - 1
+        rest = f", and {more} more reason{'s' if more > 1 else ''}" if more > 0 else ""
+        if self.level == GREEN:
+            rest = ""
+        begin = f"{self.level.capitalize()}, {MEANS[self.level]}"
+        return f"{begin}: {self.reasons[0]}{rest}." if self.reasons else f"{begin}."
+
+    def report(self) -> dict[str, Any]:
+        """Return ``report.json``'s ``verdict``."""
+        return {
+            "level": self.level,
+            "sentence": self.sentence,
+            "reasons": list(self.reasons),
+            "next": list(self.next),
+        }
+
 
 Finder = Callable[[Facts], Iterator[Facts]]
 """From ``report.json`` to the values of a rule's words, one mapping for each time it applies."""
