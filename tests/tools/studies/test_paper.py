@@ -36,8 +36,10 @@ def test_rows_and_those_whose_encoder_they_need_are_kept_and_on_the_page(folder)
     ]  # fmt: skip
     text = (folder / "paper.md").read_text("utf-8")
     for name in rows:
-        assert f"python tools/paper.py --row {name} -o out/paper" in text
-    assert all(claim.words in text for claim in CLAIMS)
+        assert f"python tools/paper.py --row {name} -o out/paper --size tiny" in text
+    judged = [claim.words for claim in CLAIMS if set(claim.rows) <= set(rows)]
+    assert len(judged) == 3
+    assert all(words in text for words in judged)
     pictures = {path.name for path in (folder / "paper").glob("*.png")}
     assert pictures == {
         "noise_convergence.png", "noise_sections.png", "transfer_convergence.png",
@@ -85,7 +87,7 @@ def test_an_interrupted_run_goes_on_with_the_rows_that_are_not_done(tmp_path, mo
     with pytest.raises(ValueError, match="size: found 'tiny', expected 'full'"):
         study.run_rows(wanted, tmp_path, "full")
     (tmp_path / "paper.json").write_text("[]")
-    with pytest.raises(ValueError, match=r"paper\.json: found no rows, expected those of"):
+    with pytest.raises(ValueError, match=r"paper\.json: expected the result of an earlier paper"):
         study.run_rows(wanted, tmp_path, "tiny")
 
 
@@ -94,7 +96,7 @@ def test_the_command_takes_rows_parts_and_quick(run_tool, tmp_path, monkeypatch)
     monkeypatch.setattr(
         study, "run_rows", lambda rows, out, size: asked.append(([r.name for r in rows], size))
     )
-    for arguments in ((), ("--row", "jet"), ("--part", "views", "--quick"),
+    for arguments in ((), ("--row", "jet"), ("--part", "views", "--size", "quick"),
                       ("--row", "jet", "--part", "views")):  # fmt: skip
         assert run_tool("paper", "-o", tmp_path, *arguments).exit_code == 0
     views = [row.name for row in ROWS.values() if row.part == "views"]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json as json_library
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,18 +12,19 @@ import typer
 from rigs.files import atomic_path
 from rigs.files.json_file import plain, write_json
 from rigs.progress import progress_of
-from studies.common.machine import machine
 from studies.common.page import markdown, significant
+from studies.common.results import fresh_run, kept_run
+from studies.common.study import Request, Tables
 from studies.paper.claims import CLAIMS
 from studies.paper.pictures import draw, pictures_of
 from studies.paper.rows import HALF, PARTS, READING_EPOCHS, ROWS, TINY, Row
 from studies.paper.training import measured_row
 from tomo.cli.console import bad_input_in_one_line, print_json, say
 from tomo.cli.inputs import check_output_folder
-from tomo.report.about import commit
 
-VERSION = 4
-SIZES = ("full", "quick", "tiny")
+VERSION = 5
+SIZES = ("full", "quick")
+"""In quick, every row has half the voxels along each axis and 10 epochs: some minutes."""
 
 _REACHED = "epochs cosine_distance best_cosine_distance best_epoch nrmse core_seconds_per_epoch"
 COLUMNS = {
@@ -47,9 +47,9 @@ def run(
         list[str] | None,
         typer.Option(metavar="PART", help=f"{', '.join(PARTS)}; repeatable. All if absent."),
     ] = None,
-    quick: Annotated[
-        bool, typer.Option("--quick", help="Half the voxels along each axis, 10 epochs.")
-    ] = False,
+    size: Annotated[
+        str, typer.Option(help="full, or quick: half the voxels along each axis, 10 epochs.")
+    ] = SIZES[0],
     json: Annotated[bool, typer.Option("--json", help="Print the rows.")] = False,
 ) -> None:
     """Run the experiments of the WERNet paper again, and say what holds.
@@ -60,12 +60,13 @@ def run(
     with bad_input_in_one_line():
         _check_known("--row", row or (), ROWS)
         _check_known("--part", part or (), PARTS)
+        _check_known("--size", [size], SIZES)
         check_output_folder(out)
         wanted = [
             one for one in ROWS.values()
             if not (row or part) or one.name in (row or ()) or one.part in (part or ())
         ]  # fmt: skip
-        result = run_rows(wanted, out, SIZES[quick])
+        result = run_rows(wanted, out, size)
     say(str(out / "paper.md"))
     if json:
         print_json(result)
@@ -77,39 +78,55 @@ def run_rows(wanted: Iterable[Row], out: Path, size: str) -> dict[str, Any]:
     Raises
     ------
     ValueError
-        If the folder holds the rows of another size or version.
+        If the folder holds the rows of another size, version or machine.
     """
     path = out / "paper.json"
-    result = _kept(path, size)
+    fresh = fresh_run("paper", VERSION, Request(size)) | {"rows": {}}
+    result, now = kept_run(path, fresh), fresh["commit"]
     for row in _with_sources(wanted):
         if row.name in result["rows"]:
             continue
         with progress_of(True, row.part) as progress:
             record = measured_row(_of_size(row, size), out, progress)
-        host = {key: machine()[key] for key in ("cpu", "cores")}
-        record |= {"command": row.command, "commit": commit() or "unknown", **host}
+        record |= {"command": f"{row.command} --size {size}", "commit": now}
         result["rows"][row.name] = plain(record, digits=6)
+        rows = {name: result["rows"][name] for name in ROWS if name in result["rows"]}
+        command = f"python tools/paper.py --size {size}"
+        result["parts"] = {size: {"command": command, "tables": tables_of(rows)}}
         write_json(path, result, indent=1)
-        write_page(result, out, row.part)
+        draw(row.part, {name: _of_size(ROWS[name], size) for name in rows}, rows, out)
+        write_page(result, out)
         say(f"{row.name}: {significant(record['cosine_distance'])}, {record['seconds']:.0f} s")
     return result
 
 
-def write_page(result: Mapping[str, Any], out: Path, changed: str) -> None:
-    """Write ``paper.md`` from the rows that are done, and the picture of the part that changed."""
-    rows = {name: result["rows"][name] for name in ROWS if name in result["rows"]}
-    lines = ["# The WERNet paper, run again", "", f"Size {result['size']}. {len(rows)} rows of "
-             f"{len(ROWS)} are done.", "", "## Claims", ""]  # fmt: skip
-    lines += [markdown([claim.row(rows) for claim in CLAIMS])]
-    for part, title in PARTS.items():
-        done = [{"row": n, **r} for n, r in rows.items() if ROWS[n].part == part]
-        if not done:
+def tables_of(rows: Mapping[str, Mapping[str, Any]]) -> Tables:
+    """Return the claims that can be judged, and each part's rows that are done."""
+    judged = [claim.row(rows) for claim in CLAIMS]
+    tables = {"claims": [line for line in judged if line["here"] is not None]}
+    for part in PARTS:
+        done = {name: row for name, row in rows.items() if ROWS[name].part == part}
+        keys = COLUMNS[part].split()[1:]
+        tables[part] = [
+            {"row": name} | {key: row.get(key) for key in keys} for name, row in done.items()
+        ]
+    return tables
+
+
+def write_page(result: Mapping[str, Any], out: Path) -> None:
+    """Write ``paper.md`` from the rows that are done."""
+    (part,) = result["parts"].values()
+    lines = ["# The WERNet paper, run again", "", f"Size {result['size']}. "
+             f"{len(result['rows'])} rows of {len(ROWS)} are done."]  # fmt: skip
+    for name, table in part["tables"].items():
+        if not table:
             continue
-        lines += ["", f"## {title}", "", markdown(done, COLUMNS[part]), ""]
-        lines += [f"    {record['command']}" for record in done]
-        if part == changed:
-            draw(part, {name: _of_size(ROWS[name], result["size"]) for name in rows}, rows, out)
-        for picture in pictures_of(part):
+        title = PARTS.get(name, "Claims")
+        lines += ["", f"## {title}", "", markdown(table), ""]
+        lines += [
+            f"    {result['rows'][line['row']]['command']}" for line in table if "row" in line
+        ]
+        for picture in pictures_of(name):
             if (out / picture).is_file():
                 lines += ["", f"![{title}]({picture})"]
     with atomic_path(out / "paper.md") as temporary:
@@ -133,23 +150,7 @@ def _of_size(row: Row, size: str) -> Row:
     return replace(row, grid=grid, epochs=min(row.epochs, epochs))
 
 
-def _kept(path: Path, size: str) -> dict[str, Any]:
-    """Return what an earlier run left, to go on from it."""
-    fresh = {"study": "paper", "version": VERSION, "size": size, "rows": {}}
-    if not path.is_file():
-        return fresh
-    try:
-        found = json_library.loads(path.read_text("utf-8"))
-        found["rows"] = {name: found["rows"][name] for name in ROWS if name in found["rows"]}
-    except (ValueError, KeyError, TypeError):
-        raise ValueError(f"{path}: found no rows, expected those of an earlier run") from None
-    for key in ("study", "version", "size"):
-        if found.get(key) != fresh[key]:
-            raise ValueError(f"{path}: {key}: found {found.get(key)!r}, expected {fresh[key]!r}")
-    return found
-
-
-def _check_known(option: str, names: Sequence[str], known: Mapping[str, Any]) -> None:
+def _check_known(option: str, names: Sequence[str], known: Iterable[str]) -> None:
     for name in names:
         if name not in known:
             raise ValueError(f"{option}: found {name!r}, expected one of {', '.join(known)}")
