@@ -3,19 +3,59 @@
 numba's TBB layer refuses the TBB of many systems with a warning and its ``workqueue`` layer must
 not be entered from two threads, so OpenMP comes first. Compiled code is cached beside the package
 or, where that folder is read-only, in the user's cache; without either it is compiled afresh.
+
+Processes that were forked after OpenMP had started its threads: they have none of them.
+
+GNU's OpenMP cannot go on there. numba ends such a process at its first parallel loop, by a signal,
+and `multiprocessing.Pool` then starts another one, for ever. An error says what to do instead.
 """
 
 from __future__ import annotations
 
+import functools
+import os
+import threading
 from collections.abc import Callable
+from importlib import import_module
 from typing import Any
 
 import numba
 from numba.core.cpu import ParallelOptions
 
 from rigs.compiled import cached_with_helpers
-from tomo._compute.forks import refused_without_threads
 from tomo._compute.wait_policy import set_passive_waiting
+
+_threads_lost = threading.Event()
+"""Set for good in a forked process, where it holds; a process that is spawned begins afresh."""
+
+
+def _look_for_threads() -> None:
+    try:
+        layer = numba.threading_layer()
+    except ValueError:  # no parallel loop has run
+        return
+    if layer == "omp" and import_module("numba.np.ufunc.omppool").openmp_vendor == "GNU":
+        _threads_lost.set()  # other vendors' OpenMP, and other layers, start new threads
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_look_for_threads)
+
+
+def refused_without_threads(kernel: Callable) -> Callable:
+    """Return a parallel kernel that raises `RuntimeError` where it would end the process."""
+
+    @functools.wraps(kernel, updated=())
+    def entered(*arguments: object) -> object:
+        if _threads_lost.is_set():
+            raise RuntimeError(
+                "parallel loops: found a process that was forked after their threads had started, "
+                "expected one that is spawned: multiprocessing.get_context('spawn')"
+            )
+        return kernel(*arguments)
+
+    return entered
+
 
 set_passive_waiting()
 # An option that numba makes when it is loaded

@@ -50,9 +50,6 @@ class Adaptation:
     ----------
     observations : sequence of Observation
         One a frame, as recorded.
-    effects : sequence of Effect
-    active : ActiveVoxels, optional
-    scores : Scores
     held : collection of str
         Effects that were let loose in some views for the asking: the others hold the scene.
     """

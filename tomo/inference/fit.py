@@ -46,8 +46,6 @@ class Fit:
 
     Attributes
     ----------
-    observation : Observation
-    system : LinearSystem
     unknowns : (unknowns,) float64
     measured, residual : (pixels,) float64
     trust : (pixels,) float64

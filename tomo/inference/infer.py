@@ -2,6 +2,8 @@
 
 Detection, identification, adaptation: all effects are scored from one fit, the largest is let
 loose and found together with the voxels, and all are scored again, until none exceeds its null.
+
+How far the total light may be off because of what was found of cameras and gas.
 """
 
 from __future__ import annotations
@@ -20,8 +22,10 @@ from tomo.inference.left_out import LeftOut, predict_left_out, without_left_out
 from tomo.inference.scores import Scores
 from tomo.inference.solve import first_fits
 from tomo.inference.state import State, corrected
+from tomo.model import Gain
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
+from tomo.model.pose import stated_errors
 
 FEWEST_VIEWS = 3
 """Views that effects need at least: whatever is wrong, some volume reproduces two."""
@@ -36,8 +40,6 @@ class Inference:
 
     Attributes
     ----------
-    effects : tuple of Effect
-    state : State
     tested : Scores
         What the effects were compared with.
     refined : mapping of str to (views,) bool
@@ -84,7 +86,6 @@ def infer(
         One of a still, several of a film: the same cameras, usable pixels, voxels and gas at
         several moments. Each has voxels of its own, and effects are common to all. Coarse copies
         will do.
-    effects : sequence of Effect
     active : ActiveVoxels, optional
         The voxels that dark pixels do not prove empty.
     asked : sequence of str
@@ -172,3 +173,43 @@ def _doubted(state: State, given: State) -> list[int]:
         if own.mean() <= 0.5:
             found += own
     return [int(view) for view in np.argsort(-found, kind="stable") if found[view]]
+
+
+def light_error(found: Inference) -> float:
+    """Return the standard deviation of the total light by the effects, relative to it.
+
+    Notes
+    -----
+    A parameter ``t`` of a view changes that view's light by the fraction ``c t``, the sum of its
+    column over that of its prediction, and the total by a view's share of it. Parameters that were
+    let loose err by what exact cameras make of them. Gains are relative to the mean of those that
+    set the scale, whose spread leaves a scale of its standard error. Lenses that err in
+    magnification by a fraction err in areas, and so in light, by twice that.
+    """
+    state, spread = found.state, found.spread
+    fit = state.fits[0]
+    views = len(state.hidden)
+    at = fit.prediction
+    light = np.maximum(fit.view_sums(at.pixels), np.finfo(np.float64).tiny)  # (views,)
+    squares = 0.0
+    for effect in found.effects:
+        free = state.free[effect.name]
+        if not free.any() or effect.name not in spread or effect.field_of is not None:
+            continue
+        change = (fit.view_sums(effect.columns(at)) / light).T  # (views, parameters)
+        error = change * np.where(free, spread[effect.name], 0.0) / views
+        squares += float(error.sum() if effect.shared else np.linalg.norm(error)) ** 2
+        if effect.name == Gain.name:
+            sure = np.array(fit.observation.sets_scale or (True,) * views)
+            logarithms = state.values[effect.name][sure, 0]
+            if len(logarithms) > 1:
+                squares += float(logarithms.var(ddof=1)) / len(logarithms)
+    return float(np.sqrt(squares + _of_lenses(found) ** 2))
+
+
+def _of_lenses(found: Inference) -> float:
+    """Return the relative error of light by lenses whose magnification the rig does not know."""
+    seen = found.state.fits[0].observation
+    across = np.array([min(camera.image_size) / 2 for camera in seen.rig])
+    zoom = stated_errors(seen.rig, seen.grid, seen.pixel)[:, 3] / across
+    return float(2 * np.linalg.norm(zoom) / len(zoom))

@@ -16,8 +16,9 @@ from scipy.sparse.linalg import LinearOperator
 
 from tomo._compute.arrays import as_type, host, namespace, zeros
 from tomo._compute.reductions import dot, largest, total
-from tomo.inference.columns import OwnColumns, SharedColumns
-from tomo.inference.unknowns import (
+from tomo.inference.columns import (
+    OwnColumns,
+    SharedColumns,
     Unknowns,
     feasible,
     free_of,

@@ -32,7 +32,6 @@ class LeftOut:
     ----------
     before, after : (squares,) float64
         Squared errors over the images' mean square, summed over each square and all frames.
-    pixels : int
     """
 
     before: NDArray[np.float64]

@@ -31,7 +31,6 @@ class DetectionLimits:
 
     Attributes
     ----------
-    cameras : tuple of str
     sizes : mapping of (str, str) to (views,) float64
         By effect and parameter, in the parameter's own unit; infinite where images never tell.
     alike : tuple of (str, str)
@@ -51,7 +50,6 @@ def detection_limits(found: Inference, draw_null: bool = False) -> DetectionLimi
 
     Parameters
     ----------
-    found : Inference
     draw_null : bool
         Whether scenes of exact cameras are drawn where no effect was large enough to ask for them.
         Otherwise the steps of the scene itself stand for theirs, and effects that all views share

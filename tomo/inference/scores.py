@@ -32,9 +32,6 @@ class Scores:
 
     Parameters
     ----------
-    observation : Observation
-    effects : sequence of Effect
-    active : ActiveVoxels, optional
     look_outside : bool
         Whether light may come from around the grid.
 

@@ -11,9 +11,9 @@ from scipy.sparse.linalg import LinearOperator
 
 from tomo._compute.arrays import host
 from tomo.grid import ActiveVoxels
+from tomo.inference.columns import Unknowns
 from tomo.inference.fit import Fit, equations_of, variance_of
 from tomo.inference.joint import FrameProblem, Joint
-from tomo.inference.unknowns import Unknowns
 from tomo.model.effect import Effect, Prediction
 from tomo.model.observation import Observation
 from tomo.operators import LinearSystem
@@ -94,7 +94,6 @@ def next_fits(
     ----------
     found : sequence of Fit
         One a frame: each has voxels of its own, and the effects are common to all.
-    effects : sequence of Effect
     free : mapping of str to (views, parameters) bool, optional
         Which parameters may change; all when None.
     values : mapping, optional

@@ -5,14 +5,10 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "absorber": ["Absorber"],
-        "absorbing": ["Absorbing"],
-        "background": ["Background"],
-        "blur": ["Blur"],
+        "absorber": ["Absorber", "Absorbing"],
         "corrections": ["Corrections"],
         "effect": ["Effect", "Prediction"],
-        "fall_off": ["FallOff", "squared_radius"],
-        "gain": ["Gain"],
+        "image_effects": ["Gain", "Background", "FallOff", "squared_radius", "Blur"],
         "gauge": ["without_gauge"],
         "observation": ["Observation"],
         "outside": ["Surroundings"],

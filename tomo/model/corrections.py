@@ -24,8 +24,6 @@ class Corrections:
     ----------
     names : tuple of str
         The cameras, in the order of the values' rows.
-    grid : VoxelGrid
-    effects : tuple of Effect
     values : mapping of str to (views, parameters) float64
         By effect; motions in pixels of the images as recorded.
     absorption : Absorption

@@ -22,7 +22,6 @@ class Prediction:
     ----------
     observation : Observation
         As corrected so far.
-    system : LinearSystem
     unknowns : (unknowns,) float32
     """
 
@@ -84,25 +83,7 @@ class Prediction:
 
 
 class Effect(Protocol):
-    """A way in which cameras or gas change images.
-
-    Attributes
-    ----------
-    name : str
-    parameters : tuple of str
-        The names of its parameters; each view has its own.
-    units : tuple of str
-    shared : bool
-        Whether all views share one value.
-    positive : bool
-        Whether no value is below zero.
-    of_cameras, of_gas : bool
-        Whether it moves cameras, or changes the operator by gas, and not images.
-    field_of : str, optional
-        Where it is a field, the name of the effect that is its constant part and is let loose with
-        it. A field has many parameters, which all views share: none is below zero, most are zero,
-        and `columns` is an operator.
-    """
+    """A way in which cameras or gas change images."""
 
     @property
     def name(self) -> str:
@@ -110,7 +91,7 @@ class Effect(Protocol):
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        """Names of the parameters."""
+        """Names of the parameters; each view has its own."""
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -126,15 +107,19 @@ class Effect(Protocol):
 
     @property
     def of_cameras(self) -> bool:
-        """Whether it moves cameras."""
+        """Whether it moves cameras, and does not change images."""
 
     @property
     def of_gas(self) -> bool:
-        """Whether it changes the operator by gas."""
+        """Whether it changes the operator by gas, and not images."""
 
     @property
     def field_of(self) -> str | None:
-        """Name of the constant part of a field; None where it is none."""
+        """The effect that is the constant part of a field; None where it is none.
+
+        It is let loose with the field, which has many parameters that all views share: none is
+        below zero, most are zero, and `columns` is an operator.
+        """
 
     def deviation(self, observation: Observation) -> NDArray[np.float64]:
         """Return the prior standard deviation of every parameter, ``(views, parameters)``."""

@@ -9,8 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.scene.scene_camera import own_camera
 from tomo.model.observation import Observation
-from tomo.model.pose import Pose, image_motions
-from tomo.model.stated import stated_errors
+from tomo.model.pose import Pose, image_motions, stated_errors
 
 FLOOR = 0.03
 """Length in pixels below which motions count by their squares: smaller, iterations jump."""

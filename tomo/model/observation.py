@@ -31,14 +31,12 @@ class Observation:
 
     Attributes
     ----------
-    rig : Rig
     images : tuple of (height, width) float32
         One a camera.
     masks : tuple of (height, width) bool
         True where a pixel is usable.
     noise : tuple of NoiseModel
         Of each image.
-    grid : VoxelGrid
     absorption : Absorption
         Of gas that is known, or was found.
     sets_scale : tuple of bool, optional

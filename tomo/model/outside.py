@@ -16,13 +16,7 @@ between them show in the images."""
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Coarse voxels in a box twice as wide as the grid, without the grid itself.
-
-    Attributes
-    ----------
-    grid : VoxelGrid
-    active : ActiveVoxels
-    """
+    """Coarse voxels in a box twice as wide as the grid, without the grid itself."""
 
     grid: VoxelGrid
     active: ActiveVoxels

@@ -41,13 +41,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "absorption": ["TRANSPARENT", "Absorption", "extinction_of"],
-        "basis": [
-            "GaussianBasis",
-            "LinearBasis",
-            "coefficients_of",
-            "footprint_blur",
-            "voxel_means",
-        ],
+        "basis": ["GaussianBasis", "LinearBasis", "coefficients_of", "voxel_means"],
+        "footprint": ["footprint_blur"],
         "composition": ["BasisProjector", "ComposedProjector", "ImageOperator"],
         "image_blur": ["ImageBlur"],
         "image_of": ["image_of"],

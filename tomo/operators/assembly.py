@@ -14,7 +14,7 @@ from rigs.progress import Progress
 from tomo._compute.threads import run_chunks
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly.camera_sources import pixel_source
-from tomo.operators.on_the_fly.counting_pass import count_crossings
+from tomo.operators.on_the_fly.chunks import count_crossings
 from tomo.operators.on_the_fly.ray_sources import PixelSource
 from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
@@ -39,7 +39,6 @@ def trace_cameras(
 
     Parameters
     ----------
-    rig : Rig
     grid : VoxelGrid
         That of the tracers.
     usable : sequence of (P_v,) int64
@@ -50,7 +49,6 @@ def trace_cameras(
         Whether to leave out pixels whose rays meet no active voxel.
     supersample, aperture_rays : int
         Rays along each side of a pixel, and over the aperture: see `tomo.rays.Rays.from_camera`.
-    progress : callable, optional
     """
     at_once = max(RAYS_AT_ONCE // rays_of_pixel(supersample, aperture_rays), 1)
     chunks = [

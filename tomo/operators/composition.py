@@ -22,8 +22,7 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.sparse.linalg import LinearOperator
 
 from tomo.grid import ActiveVoxels
-from tomo.operators.array_products import ArrayProducts
-from tomo.operators.operator import ProjectionOperator
+from tomo.operators.operator import ArrayProducts, ProjectionOperator
 from tomo.trace import Segments
 
 Change = Callable[[ProjectionOperator], ProjectionOperator]

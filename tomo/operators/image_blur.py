@@ -139,7 +139,6 @@ class ImageBlur(ImageOperator):
 
         Parameters
         ----------
-        rig : Rig
         pixels : sequence of (P_v,) int
             For each camera the flat numbers ``row * width + column`` of the pixels that take
             part; the others count as dark.

@@ -29,7 +29,6 @@ def lens_blur(
 
     Parameters
     ----------
-    rig : Rig
     pixels : sequence of (P_v,) int
         For each camera the flat numbers ``row * width + column`` of the pixels that take part;
         the rays of others count as dark.

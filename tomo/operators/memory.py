@@ -50,8 +50,6 @@ class MemoryNeed:
         Rays that meet the grid.
     segments : int
         Segments of rays in voxels.
-    voxels : int
-    nbytes : int
     """
 
     rays: int

@@ -1,6 +1,8 @@
 """What every projection operator is: rows are pixels grouped by view, columns are unknowns.
 
 `dot_test` tells whether an operator and its adjoint belong together.
+
+Products of arrays of other libraries than NumPy, where an operator takes them.
 """
 
 from __future__ import annotations
@@ -37,8 +39,6 @@ class ProjectionOperator(LinearOperator):
 
     Parameters
     ----------
-    n_pixels : int
-    grid : VoxelGrid
     view_ptr : (views + 1,) int, optional
         The first pixel of each view, and the number of pixels; one view when None.
     dtype : float32 or float64
@@ -227,7 +227,6 @@ def dot_test(operator: LinearOperator, seed: int = 0, dtype: DTypeLike = np.floa
 
     Parameters
     ----------
-    operator : LinearOperator
     seed : int
         Seed of the random vectors.
     dtype : {float64, float32}
@@ -247,3 +246,60 @@ def dot_test(operator: LinearOperator, seed: int = 0, dtype: DTypeLike = np.floa
     in_volume = np.dot(x.astype(np.float64), adjoint.astype(np.float64))
     scale = np.linalg.norm(forward.astype(np.float64)) * np.linalg.norm(y.astype(np.float64))
     return float(abs(in_images - in_volume) / max(scale, np.finfo(np.float64).tiny))
+
+
+class ArrayProducts(ProjectionOperator):
+    """A projection operator whose products stay where their argument is, if it `takes` that."""
+
+    @abstractmethod
+    def takes(self, values: Any) -> bool:
+        """Return whether an argument is another library's array that its product stays with."""
+
+    @abstractmethod
+    def product_there(self, x: Any) -> Any:
+        """Return ``A x`` of an array that it takes, ``(unknowns,)`` or ``(unknowns, columns)``."""
+
+    @abstractmethod
+    def transposed_product_there(self, y: Any) -> Any:
+        """Return ``A^T y`` of an array that it takes, ``(pixels,)`` or ``(pixels, columns)``."""
+
+    def dot(self, x: Any) -> Any:
+        """Return ``A @ x``."""
+        return self.product_there(x) if self.takes(x) else super().dot(x)
+
+    def _adjoint(self) -> LinearOperator:
+        return _Adjoint(self)
+
+
+class _Adjoint(LinearOperator):
+    """``A.T``, which takes the same arrays."""
+
+    def __init__(self, of: ArrayProducts) -> None:
+        self.of = of
+        super().__init__(dtype=of.dtype, shape=of.shape[::-1])
+
+    def takes(self, values: Any) -> bool:
+        """Return whether a product stays where its argument is."""
+        return self.of.takes(values)
+
+    def dot(self, y: Any) -> Any:
+        """Return ``A.T @ y``."""
+        return self.of.transposed_product_there(y) if self.takes(y) else super().dot(y)
+
+    def _matvec(self, y: NDArray) -> NDArray:
+        return self.of._rmatvec(y)
+
+    def _matmat(self, y: NDArray) -> NDArray:
+        return self.of._rmatmat(y)
+
+    def _rmatvec(self, x: NDArray) -> NDArray:
+        return self.of._matvec(x)
+
+    def _rmatmat(self, x: NDArray) -> NDArray:
+        return self.of._matmat(x)
+
+    def _adjoint(self) -> LinearOperator:
+        return self.of
+
+    def _transpose(self) -> LinearOperator:
+        return self.of

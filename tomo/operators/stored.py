@@ -13,8 +13,14 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.jit import compiled
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.operator import Matrix, ProjectionOperator, as_float
-from tomo.operators.spmm import products, transposed_products
-from tomo.operators.spmv import part_bounds, product, row_sums, transposed_product
+from tomo.operators.spmv import (
+    part_bounds,
+    product,
+    products,
+    row_sums,
+    transposed_product,
+    transposed_products,
+)
 from tomo.trace import Segments
 
 
@@ -37,7 +43,6 @@ class Projector(ProjectionOperator):
     ----------
     segments : Segments
         The result of a tracer; ``voxel`` are the numbers of the unknowns.
-    grid : VoxelGrid
     view_ptr : (views + 1,) int, optional
         The first pixel of each view; one view when None.
     active : ActiveVoxels, optional

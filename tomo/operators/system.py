@@ -14,7 +14,8 @@ from rigs import Rig, point_in_view
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.absorption import Absorption, attenuating, dimmed
 from tomo.operators.assembly import Progress, camera_sources, trace_cameras
-from tomo.operators.basis import LinearBasis, footprint_blur
+from tomo.operators.basis import LinearBasis
+from tomo.operators.footprint import footprint_blur
 from tomo.operators.lens_blur import lens_blur
 from tomo.operators.memory import STORED, choose_form
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
@@ -70,8 +71,6 @@ class LinearSystem:
 
         Parameters
         ----------
-        rig : Rig
-        grid : VoxelGrid
         masks : sequence of (height, width) bool, optional
             True where a pixel is usable.
         tracer : {"march", "raycast", "reference"}
@@ -92,7 +91,6 @@ class LinearSystem:
             the tracer is not used.
         needs_matrix : bool
             Whether the method goes through the matrix entries: the form is then ``stored``.
-        progress : callable, optional
 
         Raises
         ------
@@ -243,7 +241,7 @@ class LinearSystem:
 
         Notes
         -----
-        The derivative of Beer and Lambert's law along the segments (`tomo.operators.attenuation`)
+        The derivative of Beer and Lambert's law along the segments (`tomo.operators.absorption`)
         of one ray a pixel: it steers steps, and four rays take four times as long. Its entries are
         stored, and have one sign. Gas absorbs in voxels that are not active, too.
         """

@@ -43,8 +43,6 @@ def estimate_effort(rig: Rig, grid: VoxelGrid, *, available: int | None = None) 
 
     Parameters
     ----------
-    rig : Rig
-    grid : VoxelGrid
     available : int, optional
         Bytes that may be used; what the system has free when None.
 

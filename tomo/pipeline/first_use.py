@@ -13,12 +13,12 @@ from rigs.progress import Progress
 from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import carve
-from tomo.inference.null import exact_images
 from tomo.inference.solve import first_fit
+from tomo.inference.steps import exact_images
 from tomo.measurement import NoiseModel
 from tomo.model import Observation
 from tomo.operators import STORED, Projector
-from tomo.operators.attenuation import transmission
+from tomo.operators.absorption import transmission
 from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.trace import trace

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from rigs.progress import Progress
 from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding, together
-from tomo.inference.infer import FEWEST_VIEWS, Inference, infer
-from tomo.inference.light_error import light_error
+from tomo.inference.infer import FEWEST_VIEWS, Inference, infer, light_error
 from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
 from tomo.inference.steps import mean_volume

@@ -14,7 +14,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.inference.infer import FEWEST_VIEWS, infer
 from tomo.inference.limits import DetectionLimits, detection_limits
-from tomo.inference.null import FINER
+from tomo.inference.steps import FINER
 from tomo.measurement import NoiseModel
 from tomo.model import Observation
 from tomo.model.effect import Effect

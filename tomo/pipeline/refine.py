@@ -15,7 +15,7 @@ from rigs.scene.scene_camera import own_camera
 from tomo.grid import VoxelGrid
 from tomo.inference.left_out import LeftOut
 from tomo.model import Observation, Pose
-from tomo.model.stated import stated_errors
+from tomo.model.pose import stated_errors
 from tomo.scan import Scan
 
 POINTS = 5

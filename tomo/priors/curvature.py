@@ -28,7 +28,6 @@ class RelativeCurvature:
 
     Parameters
     ----------
-    active : ActiveVoxels
     volume : (unknowns,) or (unknowns, columns) float32
         The emission whose brightness counts; columns are as many priors, for as many problems.
 

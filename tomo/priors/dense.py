@@ -39,11 +39,9 @@ class DenseVariationProximal:
 
     Parameters
     ----------
-    active : ActiveVoxels
     factors : list of float
         Those of `Gradient`.
     inverse : (unknowns,) float32
-    nonnegative : bool
     """
 
     def __init__(

@@ -83,7 +83,6 @@ class Gradient:
 
     Parameters
     ----------
-    active : ActiveVoxels
     columns : int
         Volumes at once, whose values at a voxel lie side by side: ``(n, columns)``.
 

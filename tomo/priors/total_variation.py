@@ -122,10 +122,6 @@ class ProximalPrior(Protocol):
 class TotalVariation:
     """Isotropic total variation: the sum over voxels of ``|D x|``.
 
-    Parameters
-    ----------
-    active : ActiveVoxels
-
     Notes
     -----
     ``TV(x) = sum_v sqrt(sum_a (D x)_va²)`` with the differences ``D`` of `Gradient`.
@@ -152,10 +148,8 @@ class TotalVariationProximal:
 
     Parameters
     ----------
-    active : ActiveVoxels
     inverse : (unknowns,) float32
         ``C``, the inverse of the diagonal metric of the proximal map.
-    nonnegative : bool
 
     Notes
     -----
@@ -189,10 +183,8 @@ class TotalVariationProximal:
         Parameters
         ----------
         center : (unknowns,) float32
-        weight : float
         steps : int
             Steps on the dual.
-        stretch : float
         """
         center = self._in_box(center)
         volume = np.zeros_like(center)

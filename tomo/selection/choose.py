@@ -17,8 +17,13 @@ from tomo._compute.arrays import host
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured
 from tomo.selection.fits import Fit, Fits, Progress, Tried
-from tomo.selection.folds import LEFT_OUT, Fold, blocks_to_leave_out, runs_of_pixels
-from tomo.selection.slab import part_to_choose_by
+from tomo.selection.folds import (
+    LEFT_OUT,
+    Fold,
+    blocks_to_leave_out,
+    part_to_choose_by,
+    runs_of_pixels,
+)
 from tomo.selection.smooth_solve import smooth_start, solve_smoothly
 from tomo.solvers import Solution
 from tomo.solvers.solution import Callback
@@ -59,7 +64,6 @@ class Choice:
     strength : float
         Strength of the prior on relative curvature, see `tomo.solvers.curvature`; 0 for none, with
         pixels as counts, see `tomo.solvers.mlem`.
-    iterations : int
     held_out_residual : float
         Relative residual of the left-out pixels; NaN if none could be left out.
     reason : str

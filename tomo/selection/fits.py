@@ -54,7 +54,6 @@ class Fits:
     ----------
     folds : sequence of Fold
         None of them where no pixel can be left out: every setting is as good then.
-    progress : callable, optional
     total : int
         Fits that the progress counts to.
     """

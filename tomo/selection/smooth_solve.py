@@ -11,11 +11,10 @@ from tomo._compute.arrays import factors, host, namespace, quotient
 from tomo._compute.reductions import largest
 from tomo.operators import GaussianBasis
 from tomo.operators.operator import ProjectionOperator
-from tomo.solvers.curvature import curvature
+from tomo.solvers.curvature import curvature, curvature_of_several
 from tomo.solvers.initial_volume import mlos_start
-from tomo.solvers.mlem import mlem
+from tomo.solvers.mlem import mlem, mlem_of_several
 from tomo.solvers.projected_cg import SINGLE_PRECISION
-from tomo.solvers.several import curvature_of_several, mlem_of_several
 from tomo.solvers.solution import Callback, Solution
 
 START = 10
@@ -59,7 +58,6 @@ def solve_several_smoothly(
 
     Parameters
     ----------
-    projector : ProjectionOperator
     measured : (pixels, columns) float32
     width, strength, iterations
         See `solve_smoothly`.
@@ -96,7 +94,6 @@ def solve_smoothly(
 
     Parameters
     ----------
-    projector : ProjectionOperator
     measured : (pixels,) float32
     width : float
         Standard deviation of the Gaussian basis, in voxels; 0 for none.

@@ -70,7 +70,7 @@ def solve_together(
 ) -> Iterator[FrameResult]:
     """Solve some frames of a block and compare them.
 
-    Each product with the matrix serves all of them, see `tomo.solvers.several`.
+    Each product with the matrix serves all of them, see `tomo.solvers.mlem.mlem_of_several`.
 
     Parameters
     ----------

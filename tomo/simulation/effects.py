@@ -16,8 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.aperture import Aperture
 from tomo.grid import VoxelGrid
-from tomo.operators.absorption import Absorption, attenuating
-from tomo.operators.attenuation import transmission
+from tomo.operators.absorption import Absorption, attenuating, transmission
 from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.rays.visible_pixels import pixels_that_see

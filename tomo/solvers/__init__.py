@@ -21,7 +21,7 @@ A method is a row of `METHODS`: a name for a loss (`tomo.losses`), a prior (`tom
 solver. `cgls` and `projected_cg` take any linear prior, `proximal_gradient` and `mlem` any
 proximal one; ``nnls``, ``tikhonov``, ``tv`` and ``l1`` are no more than that. Every solver returns
 a `Solution` with its history. The parameters that they share are documented once, in
-`tomo.solvers._parameters`, and ``help(solver)`` shows all.
+`tomo.solvers.iterate`, and ``help(solver)`` shows all.
 """
 
 import lazy_loader

@@ -52,7 +52,6 @@ def sweep_of(
 
     Parameters
     ----------
-    projector : ProjectionOperator
     measured : (pixels,)
     parts : sequence of (P_b,) int64
         The ascending numbers of each block's pixels.

@@ -10,9 +10,8 @@ from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.spmv import row_product
 from tomo.operators.vectors import additive_start, check_measured, damped
-from tomo.solvers._parameters import shared_parameters
 from tomo.solvers._rows import merged_rows
-from tomo.solvers.iterate import States, check_relaxation, drive
+from tomo.solvers.iterate import States, check_relaxation, drive, shared_parameters
 from tomo.solvers.solution import Callback, Solution
 
 

@@ -9,8 +9,7 @@ from tomo._compute.reductions import norm
 from tomo.losses import LeastSquares, LinearPrior
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import Magnitude
-from tomo.solvers._parameters import shared_parameters
-from tomo.solvers.iterate import States, drive
+from tomo.solvers.iterate import States, drive, shared_parameters
 from tomo.solvers.projected_cg import SINGLE_PRECISION
 from tomo.solvers.solution import Callback, Solution
 

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 from tomo import priors
-from tomo.solvers._parameters import shared_parameters
+from tomo.solvers.iterate import shared_parameters
 from tomo.solvers.methods import METHODS, NONE
 from tomo.solvers.projected_cg import projected_cg
 from tomo.solvers.proximal_gradient import proximal_gradient

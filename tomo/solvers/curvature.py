@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import itertools
 
-from numpy.typing import ArrayLike
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
+from tomo._compute.arrays import chosen, host, namespace
 from tomo.losses import LeastSquares, check_strength
 from tomo.operators.operator import ProjectionOperator
 from tomo.priors import Gradient, RelativeCurvature
-from tomo.solvers._parameters import shared_parameters
-from tomo.solvers.iterate import States, drive
+from tomo.solvers.iterate import States, drive, shared_parameters
 from tomo.solvers.projected_cg import descend
 from tomo.solvers.solution import Callback, Solution
 
@@ -84,3 +85,29 @@ def curvature(
             "weighted": weights is not None,
         },
     )
+
+
+def curvature_of_several(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    *,
+    strength: float,
+    iterations: int,
+    start: NDArray[np.float32],
+    weights: NDArray[np.float32] | None = None,
+) -> NDArray[np.float32]:
+    """Return the volumes of `curvature` up to rounding, as `tomo.solvers.mlem.mlem_of_several`.
+
+    A column that overflows single precision keeps the volume of the update before, as in
+    `tomo.solvers.iterate.drive`.
+    """
+    problem = LeastSquares(projector, measured, weights)
+    known = problem.unit * problem.start(start, nonnegative=True)
+    problem = problem.with_prior(RelativeCurvature(projector.active, known), strength)
+    volumes = known
+    xp = namespace(known)
+    with projector.computing(), np.errstate(over="ignore", invalid="ignore"):
+        for state, misfit in itertools.islice(descend(problem, known, True), iterations + 1):
+            finite = host(xp.all(xp.isfinite(state), axis=0)) & np.isfinite(misfit)
+            volumes = state if finite.all() else chosen(finite, state, volumes)
+    return volumes

@@ -29,7 +29,6 @@ def mlos_start(
 
     Parameters
     ----------
-    projector : ProjectionOperator
     measured : (pixels,) or (pixels, columns)
         Pixels below zero count as zero.
 

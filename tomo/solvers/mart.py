@@ -10,13 +10,13 @@ from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.spmv import row_product
 from tomo.operators.vectors import check_measured, damped, multiplicative_start
-from tomo.solvers._parameters import shared_parameters
 from tomo.solvers._rows import merged_rows
 from tomo.solvers.iterate import (
     States,
     check_nonnegative,
     check_relaxation,
     drive,
+    shared_parameters,
 )
 from tomo.solvers.solution import Callback, Solution
 

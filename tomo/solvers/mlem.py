@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.arrays import as_type, namespace, taken
 from tomo._compute.reductions import norm
@@ -11,8 +11,7 @@ from tomo.losses import Poisson, check_prior, check_strength
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured, multiplicative_start
 from tomo.priors import ProximalPrior
-from tomo.solvers._parameters import shared_parameters
-from tomo.solvers.iterate import States, check_nonnegative, drive, interleaved
+from tomo.solvers.iterate import States, check_nonnegative, drive, interleaved, shared_parameters
 from tomo.solvers.solution import Callback, Solution
 
 DUAL_STEPS = 20
@@ -110,3 +109,23 @@ def mlem(
         settings={"method": "mlem", "nonnegative": True, "subsets": subsets}
         | ({} if prior is None else {"strength": strength}),
     )
+
+
+def mlem_of_several(
+    projector: ProjectionOperator,
+    measured: NDArray[np.float32],
+    *,
+    iterations: int,
+    start: NDArray[np.float32],
+) -> NDArray[np.float32]:
+    """Return the volumes of `mlem` up to rounding, where they are computed.
+
+    Each product serves all columns of ``measured`` (pixels, columns) and of ``start`` and the
+    result (unknowns, columns): frames of a film, or repeats of one with other noise.
+    """
+    loss = Poisson(projector, projector.array(measured), projector.column_sums)
+    volumes = projector.array(start)
+    for _ in range(iterations):
+        with projector.computing():
+            volumes = as_type(volumes * loss.factor(projector @ volumes), np.float32)
+    return volumes

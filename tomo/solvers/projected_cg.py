@@ -9,8 +9,7 @@ from tomo._compute.arrays import chosen, factors, host, namespace, quotient
 from tomo._compute.reductions import inner
 from tomo.losses import LeastSquares, LinearPrior
 from tomo.operators.operator import ProjectionOperator
-from tomo.solvers._parameters import shared_parameters
-from tomo.solvers.iterate import States, drive
+from tomo.solvers.iterate import States, drive, shared_parameters
 from tomo.solvers.solution import Callback, Solution
 
 LONGER = np.float32(1.5)

@@ -14,8 +14,7 @@ from tomo.losses import LeastSquares, check_prior, check_strength
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import damped
 from tomo.priors import ProximalPrior
-from tomo.solvers._parameters import shared_parameters
-from tomo.solvers.iterate import States, drive
+from tomo.solvers.iterate import States, drive, shared_parameters
 from tomo.solvers.solution import Callback, Solution
 
 DUAL_STEPS = 4

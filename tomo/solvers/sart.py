@@ -12,12 +12,12 @@ from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured
 from tomo.solvers._block_sweep import sweep_of
-from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import (
     States,
     check_relaxation,
     drive,
     residual_of,
+    shared_parameters,
 )
 from tomo.solvers.solution import Callback, Solution
 

@@ -10,13 +10,13 @@ from tomo._compute.reductions import norm
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import additive_start, check_measured, check_weights
 from tomo.solvers._block_sweep import Block, sweep_of
-from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import (
     States,
     check_relaxation,
     drive,
     interleaved,
     residual_of,
+    shared_parameters,
 )
 from tomo.solvers.solution import Callback, Solution
 

@@ -10,12 +10,12 @@ from tomo._compute.reductions import norm
 from tomo.losses import ratio, sensitivity
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured, multiplicative_start
-from tomo.solvers._parameters import shared_parameters
 from tomo.solvers.iterate import (
     States,
     check_nonnegative,
     check_relaxation,
     drive,
+    shared_parameters,
 )
 from tomo.solvers.solution import Callback, Solution
 

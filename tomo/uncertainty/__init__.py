@@ -5,12 +5,17 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "angular_coverage": ["AngularCoverage", "view_coverage"],
         "assessment": ["AUTO_REPEATS", "Assessment", "assess"],
         "bootstrap": ["Deviations", "standard_deviations"],
         "intervals": ["Intervals", "intervals"],
         "part": ["SolveOf"],
         "residual_noise": ["Solve", "noise_of_images"],
-        "resolution": ["Resolution", "half_widths", "resolution"],
+        "resolution": [
+            "Resolution",
+            "half_widths",
+            "resolution",
+            "AngularCoverage",
+            "view_coverage",
+        ],
     },
 )

@@ -14,7 +14,6 @@ from tomo.grid import ActiveVoxels
 from tomo.operators import LinearSystem
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.system import Progress
-from tomo.uncertainty.angular_coverage import EMITTING, AngularCoverage, view_coverage
 from tomo.uncertainty.bootstrap import KEPT, Deviations, standard_deviations
 from tomo.uncertainty.intervals import Intervals, deviations_of_pair, intervals
 from tomo.uncertainty.moved import solve_moved
@@ -26,7 +25,13 @@ from tomo.uncertainty.residual_noise import (
     noise_of_images,
     smoothed,
 )
-from tomo.uncertainty.resolution import Resolution, resolution
+from tomo.uncertainty.resolution import (
+    EMITTING,
+    AngularCoverage,
+    Resolution,
+    resolution,
+    view_coverage,
+)
 
 AUTO_REPEATS = 2
 """Repeats of a known answer, with noise of either sign: no map of single voxels."""
@@ -58,7 +63,6 @@ class Assessment:
     active : ActiveVoxels
         The unknowns.
     volume : (unknowns,) float32
-    coverage : AngularCoverage
     residual, noise : float
         Root mean squares of the images' residual and noise over that of the images; NaN where
         unknown, and for dark images.
@@ -197,7 +201,6 @@ def assess(
         are solves of the whole volume beside these. 0 for none.
     seed : int
         Seed of the noise.
-    progress : callable, optional
 
     Raises
     ------

@@ -33,7 +33,6 @@ class Deviations:
     ----------
     values : (unknowns,) float32
         Standard deviation in the volume's unit.
-    repeats : int
     noise : (pixels,) float64
         Standard deviation of the pixels' noise.
     """
@@ -66,7 +65,6 @@ def standard_deviations(
 
     Parameters
     ----------
-    system : LinearSystem
     measured, seen : (pixels,) float32
         The images, and the volume found from them re-projected.
     noise : (pixels,) float64
@@ -77,7 +75,6 @@ def standard_deviations(
         At least 2.
     seed : int
         Of the noise; every repeat has a generator of its own.
-    progress : callable, optional
 
     Notes
     -----

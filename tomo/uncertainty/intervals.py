@@ -108,7 +108,6 @@ def deviations_of_pair(
 
     Parameters
     ----------
-    moved : Moved
     volume : (nx, ny, nz) float32
     where : (nx, ny, nz) bool
         The voxels to learn from.
@@ -143,7 +142,6 @@ def intervals(
     volume : (nx, ny, nz) float32
     deviations : (unknowns,) float32
         By noise.
-    moved : Moved
     where : (nx, ny, nz) bool
         The voxels whose errors in ``moved`` count.
     size : float

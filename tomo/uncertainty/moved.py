@@ -63,13 +63,11 @@ def solve_moved(
 
     Parameters
     ----------
-    part : Part
     volume : (nx, ny, nz) float32
     kept : (pixels,) float32
         Light to add to the part's images: what no volume explains.
     noise : (pixels,) float64
         Standard deviation of the part's pixels.
-    seed : int
 
     Notes
     -----

@@ -40,7 +40,6 @@ class Part:
         On voxel means.
     rows : (pixels,) int64, optional
         Which of all pixels these are; all when None.
-    solve : callable
     inside : (nx, ny, nz) bool
         The voxels where errors count.
     """
@@ -76,7 +75,6 @@ def slab(
     system : LinearSystem
         On voxel means.
     volume : (nx, ny, nz) float32
-    solve_of : callable
     cuttable : ProjectionOperator
         The projection in the basis that is solved in.
     """

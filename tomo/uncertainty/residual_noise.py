@@ -34,7 +34,6 @@ def noise_of_images(
 
     Parameters
     ----------
-    system : LinearSystem
     measured, seen : (pixels,) float32
         The images, and the volume found from them re-projected.
     remains : float
@@ -100,7 +99,6 @@ def smoothed(
 
     Parameters
     ----------
-    system : LinearSystem
     pixels : (pixels,) float32
     width : float
         Standard deviation of the Gaussian in pixels.

@@ -35,8 +35,6 @@ class ImageModel:
 
     Parameters
     ----------
-    rig : Rig
-    grid : VoxelGrid
     effects : sequence of Effect
         See `tomo.model`. Of effects on images the last acts first, as the inference has it.
     masks : sequence of (height, width) bool, optional

@@ -56,7 +56,6 @@ class OuterIterations:
     ----------
     pixels : LeftOut
         The pixels to learn from, and those to judge by.
-    training : EncoderTraining
     first : Choice
         How voxels are solved for with segment lengths.
     limit : int
@@ -161,12 +160,10 @@ class EncoderTraining:
     measured : (rays,) float32
     encoder : Encoder
         Trained in place.
-    settings : WernetSettings
     iterations : int
         Outer iterations over which the learning rate falls.
     seed : int
         Seed of the order of the rays.
-    map_parts : PartMap
     held : (rays,) bool
         Rays that are not trained on.
 

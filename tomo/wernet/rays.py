@@ -109,7 +109,6 @@ class Rays:
         The unknown that each segment crosses.
     length : (S,) float32
     view : (rays,) int64
-    features : RayFeatures
     unknowns : int
         Number of voxels that are solved for.
     squared_radius : (rays,) float32, optional
@@ -142,7 +141,6 @@ class Rays:
             Its lens blur, if it has one, is left out.
         inputs : str
             What the encoder sees, see `tomo.wernet.features.INPUTS`.
-        device : torch.device or str
         image_scale : float, optional
             See `RayFeatures`; that of these rays when None.
         squared_radius : (pixels,) float, optional

@@ -95,7 +95,6 @@ def step(
     parts : iterable of RayBatch
     loss_of : callable
         The loss of a part, and what is to be reported of it.
-    map_parts : PartMap
     """
     trained = [one for group in optimiser.param_groups for one in group["params"]]
 
@@ -127,14 +126,10 @@ class JointTraining:
 
     Parameters
     ----------
-    model : WERNet
     encoder : Encoder
         The model's; trained unless its parameters are frozen.
-    rays : Rays
     measured : (frames, pixels) float64
         Their largest value is one.
-    settings : PaperSettings
-    nonnegative : bool
     generator : torch.Generator
         Of the order of the rays; on the CPU, so that it does not depend on the device.
     """

@@ -5,10 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tomo.inference.infer import infer
-from tomo.inference.light_error import light_error
+from tomo.inference.infer import infer, light_error
 from tomo.model import Absorbing, Gain, Pose
-from tomo.model.stated import NOMINAL
+from tomo.model.pose import NOMINAL
 
 
 @pytest.fixture(scope="module")

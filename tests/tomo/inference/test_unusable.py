@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from tomo.inference.unusable import doubles, is_dark
+from tomo.inference.misplaced import doubles, is_dark
 from tomo.measurement import NoiseModel
 
 SIZE = (48, 36)

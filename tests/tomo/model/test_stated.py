@@ -10,7 +10,7 @@ from rigs import Accuracy, RayTable
 from tomo.grid import VoxelGrid
 from tomo.measurement import NoiseModel
 from tomo.model import Observation, Pose
-from tomo.model.stated import NOMINAL, stated_errors
+from tomo.model.pose import NOMINAL, stated_errors
 
 GRID = VoxelGrid((8, 8, 8), 1.0)
 FOOTPRINT, RADIUS = 0.4, 20.0

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import rigs
 from tomo.grid import VoxelGrid
 from tomo.operators import GaussianBasis, LinearSystem
-from tomo.operators.spmm import COLUMNS, PIECE
+from tomo.operators.spmv import COLUMNS, PIECE
 from tomo.pipeline.build import in_basis
 
 

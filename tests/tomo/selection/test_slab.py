@@ -4,7 +4,7 @@ import pytest
 import rigs
 from tomo import VoxelGrid
 from tomo.operators import LinearSystem
-from tomo.selection import choose_by_left_out_pixels, slab, solve_as_chosen
+from tomo.selection import choose_by_left_out_pixels, folds, solve_as_chosen
 
 
 @pytest.fixture(scope="module")
@@ -39,8 +39,8 @@ def test_some_unknowns_are_those_of_the_whole_with_the_others_dark(tall):
 
 def test_a_slab_goes_across_the_axis_that_rays_leave_least(tall, monkeypatch):
     projector, truth, measured, _ = tall
-    monkeypatch.setattr(slab, "SEGMENTS", projector.n_segments // 4)
-    part = slab.part_to_choose_by(projector, measured)
+    monkeypatch.setattr(folds, "SEGMENTS", projector.n_segments // 4)
+    part = folds.part_to_choose_by(projector, measured)
     own = part.projector.active.mask.any(axis=(0, 2))  # planes across y
     assert part.projector.active.mask[:, own].all()
     assert 0.15 < own.mean() < 0.35
@@ -55,9 +55,9 @@ def test_a_slab_chooses_nearly_as_the_whole(tall, monkeypatch):
     projector, truth, measured, blocks = tall
     noise = np.random.default_rng(1).standard_normal(len(measured))
     noisy = (measured + 0.05 * measured.max() * noise).astype(np.float32)
-    monkeypatch.setattr(slab, "SEGMENTS", projector.n_segments)
+    monkeypatch.setattr(folds, "SEGMENTS", projector.n_segments)
     whole = choose_by_left_out_pixels(projector, noisy, blocks=blocks)
-    monkeypatch.setattr(slab, "SEGMENTS", projector.n_segments // 3)
+    monkeypatch.setattr(folds, "SEGMENTS", projector.n_segments // 3)
     part = choose_by_left_out_pixels(projector, noisy, blocks=blocks)
     errors = [
         np.linalg.norm(solve_as_chosen(projector, noisy, choice).volume.ravel() - truth)
@@ -72,9 +72,9 @@ def test_rays_over_a_pixel_leave_the_slab_as_thick(monkeypatch):
     grid = VoxelGrid((16, 24, 16), 1.0)
     one, nine = (LinearSystem.from_rig(rig, grid, supersample=k).projector for k in (1, 3))
     assert nine.n_segments > 8 * one.n_segments
-    monkeypatch.setattr(slab, "SEGMENTS", 0.6 * one.n_segments)
+    monkeypatch.setattr(folds, "SEGMENTS", 0.6 * one.n_segments)
     kept = [
-        len(slab.part_to_choose_by(projector, projector @ np.ones(grid.size, np.float32)).pixels)
+        len(folds.part_to_choose_by(projector, projector @ np.ones(grid.size, np.float32)).pixels)
         for projector in (one, nine)
     ]
     assert 0.6 < kept[1] / kept[0] < 1.05

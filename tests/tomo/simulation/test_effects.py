@@ -9,7 +9,7 @@ from rigs import Camera, Optics, Rig
 from rigs.camera import look_at
 from tomo import LinearSystem, Projector, Rays, VoxelGrid
 from tomo.grid import ActiveVoxels
-from tomo.operators.attenuation import transmission
+from tomo.operators.absorption import transmission
 from tomo.rays.ray_box import enter_box
 from tomo.simulation import simulate_images
 from tomo.simulation.effects import Effects

@@ -9,8 +9,9 @@ from tomo.grid import VoxelGrid
 from tomo.losses import LeastSquares
 from tomo.operators import LinearSystem
 from tomo.solvers import curvature, mlem
+from tomo.solvers.curvature import curvature_of_several
 from tomo.solvers.initial_volume import mlos_start
-from tomo.solvers.several import curvature_of_several, mlem_of_several
+from tomo.solvers.mlem import mlem_of_several
 
 
 @pytest.fixture(scope="module")

@@ -13,9 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo._compute.arrays import host, is_numpy
-from tomo.operators.array_products import ArrayProducts
 from tomo.operators.gpu.device import Device
-from tomo.operators.operator import ProjectionOperator, as_float
+from tomo.operators.operator import ArrayProducts, ProjectionOperator, as_float
 
 Apply = Callable[[Any], Any]
 """Takes values ``(rows, columns)`` on the device to others there."""

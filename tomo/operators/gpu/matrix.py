@@ -9,9 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.operators.composition import Change
-from tomo.operators.gpu.device import NOTHING, Device
+from tomo.operators.gpu.device import NOTHING, Device, together
 from tomo.operators.gpu.device_operator import DeviceOperator
-from tomo.operators.gpu.kernels import together
 from tomo.operators.stored import Projector
 from tomo.trace import Segments
 
@@ -55,7 +54,6 @@ class DeviceMatrix(DeviceOperator):
     projector : Projector
         Whose entries are copied to the device, twice: once row by row for ``A @ x``, and at the
         first ``A.T @ y`` column by column. 8 bytes each in float32.
-    device : Device
 
     Notes
     -----

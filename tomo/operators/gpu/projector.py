@@ -12,9 +12,8 @@ from numpy.typing import DTypeLike, NDArray
 
 from tomo.operators.absorption import Absorption, depth_around, extinction_on_grid
 from tomo.operators.composition import Change
-from tomo.operators.gpu.device import NOTHING, Device
+from tomo.operators.gpu.device import NOTHING, TOGETHER, Device, together
 from tomo.operators.gpu.device_operator import DeviceOperator
-from tomo.operators.gpu.kernels import TOGETHER, together
 from tomo.operators.gpu.rays import DeviceRays, copied_rays, slab_of, voxels_of
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.on_the_fly.running_sums import adjoint_with_nonfinite
@@ -33,7 +32,6 @@ class DeviceProjector(DeviceOperator):
     ----------
     projector : OnTheFlyProjector
         Whose rays are copied to the device, 64 bytes each.
-    device : Device
 
     Notes
     -----
@@ -61,8 +59,6 @@ class DeviceProjector(DeviceOperator):
 
         Parameters
         ----------
-        projector : OnTheFlyProjector
-        device : Device
         cuts : sequence of int
             The first plane of each slab along x, and the number of planes.
 
@@ -166,7 +162,6 @@ class DeviceProjector(DeviceOperator):
 
         Parameters
         ----------
-        absorption : Absorption
         emission : (unknowns,), optional
             ``E`` of the active voxels; needed where ``absorption.emission`` is not 0.
         """

@@ -19,8 +19,6 @@ class DeviceSlabs(ProjectionOperator):
 
     Parameters
     ----------
-    projector : OnTheFlyProjector
-    device : Device
     count : int
         How many slabs the grid is cut into, along x.
 

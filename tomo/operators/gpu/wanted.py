@@ -73,7 +73,6 @@ def taken_to(
 
     Parameters
     ----------
-    operator : ProjectionOperator
     name, work
         See `device_for`.
 

@@ -19,7 +19,6 @@ class AttenuatedProjector(ProjectionOperator):
     ----------
     rays : OnTheFlyProjector
         The rays without absorption.
-    absorption : Absorption
     emission : (unknowns,), optional
         ``E`` of the active voxels; needed where ``absorption.emission`` is not 0.
 

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 from rigs import Camera, CameraLike
 from rigs.aperture import Aperture
 from tomo.grid import VoxelGrid
-from tomo.operators.on_the_fly.pixel_runs import PixelRuns
 from tomo.operators.on_the_fly.ray_setup import of_pixels
 from tomo.operators.on_the_fly.ray_sources import (
     Numbers,
+    PixelRuns,
     PixelSource,
     RayPixels,
     Write,
@@ -55,7 +55,6 @@ class CameraPixels(Averaged):
 
     Attributes
     ----------
-    camera : Camera
     pixels : PixelRuns
         Flat pixel numbers ``row * width + column``.
     supersample : int
@@ -164,7 +163,6 @@ class GeneratedPixels(Averaged):
 
     Attributes
     ----------
-    camera : CameraLike
     pixels : (P,) int64
         Flat pixel numbers ``row * width + column``.
     ptr : (P + 1,) int64

@@ -103,7 +103,6 @@ def crossings_along_b(own, span, other, other_span, base, indices, fractions, at
         stride larger.
     fractions : (end or more,) float64
         Written: ``t - k``.
-    at : int
     """
     return _crossings(True, own, span, other, other_span, base, indices, fractions, at)
 

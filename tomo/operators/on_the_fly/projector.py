@@ -20,19 +20,22 @@ from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.operators.on_the_fly.chunks import (
     RAYS_AT_ONCE,
     Chunk,
+    ColumnsMet,
+    CrossingCounts,
     Visit,
     chunks_of,
+    columns_met,
+    count_crossings,
     project_chunks,
     project_groups,
 )
-from tomo.operators.on_the_fly.counting_pass import (
-    ColumnsMet,
-    CrossingCounts,
-    columns_met,
-    count_crossings,
+from tomo.operators.on_the_fly.ray_sources import (
+    Numbers,
+    PixelSource,
+    RayPixels,
+    pixels_between,
+    pixels_by_source,
 )
-from tomo.operators.on_the_fly.pixel_runs import pixels_between, pixels_by_source
-from tomo.operators.on_the_fly.ray_sources import Numbers, PixelSource, RayPixels
 from tomo.operators.on_the_fly.running_sums import (
     ORDERS,
     Axes,
@@ -57,8 +60,6 @@ class OnTheFlyProjector(ProjectionOperator):
 
     Parameters
     ----------
-    rays : Rays
-    grid : VoxelGrid
     view_ptr : (views + 1,) int, optional
         Where each view's pixels begin; one view when None.
     active : ActiveVoxels, optional
@@ -100,13 +101,10 @@ class OnTheFlyProjector(ProjectionOperator):
 
         Parameters
         ----------
-        cameras : sequence of CameraLike
         pixels : sequence of (P_v,) int, optional
             For each camera its flat pixel numbers ``row * width + column``; all where None.
-        grid : VoxelGrid
         supersample : int
             Rays along each side of a pixel, as in `Rays.from_camera`.
-        active : ActiveVoxels, optional
         aperture_rays : int
             Rays over each camera's aperture, as there.
         """

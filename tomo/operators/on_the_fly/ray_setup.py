@@ -69,14 +69,12 @@ def _set_parameters(rays, made, some, shape, before_b, before_c, parameters, fir
         unit of length, length and weight. A ray of NaN gets none.
     made : (7, at least some) float64
         Working memory.
-    some : int
     shape : (int, int, int)
         Voxels along a, b, c.
     before_b, before_c : bool
         Whether the driving axis is a where a ray is as fast along b, or c.
     parameters : (N, 8) float64
         Written in each ``step``-th row from ``first`` on.
-    first, step : int
     """
     n_a, n_b, n_c = float(shape[0]), float(shape[1]), float(shape[2])
     for k in range(some):
@@ -221,7 +219,7 @@ def of_pixels(
     ----------
     first_pixel, ptr : int32 or int64
         Flat pixel numbers ``row * width + column`` as runs, as
-        `tomo.operators.on_the_fly.pixel_runs` has them.
+        `tomo.operators.on_the_fly.ray_sources` has them.
     run : int
         The run of pixel ``start``.
     start, stop : int
@@ -229,7 +227,6 @@ def of_pixels(
     bend : (P, K², 2) float32, (P, K², 3) float64 or (0, 0, 0)
         What the lens adds to the pinhole's image coordinates, or the ray's direction in the
         camera's axes; NaN where no direction is seen. Empty for a lens without distortion.
-    width : int
     lens : (5,) float64
         fx, skew, cx, fy, cy.
     steps : (K², 2) float64

@@ -29,7 +29,7 @@ from studies.common.timing import in_turn
 from tomo import Reconstruction, Scan, VoxelGrid, reconstruct, scan_of_images, solvers
 from tomo.operators import Projector, dot_test
 from tomo.operators.gpu import CudaDevice, Device, DeviceProjector, device_for, to_device
-from tomo.operators.gpu.kernels import source
+from tomo.operators.gpu.device import source
 from tomo.operators.on_the_fly import OnTheFlyProjector
 from tomo.rays import Rays
 from tomo.series import reconstruct_series

@@ -6,8 +6,8 @@ from scipy.spatial.transform import Rotation
 
 from rigs import Camera, Distortion, Rig
 from tomo import VoxelGrid
-from tomo.operators.basis import footprint
-from tomo.operators.basis.footprint import footprint_blur, footprint_kernel
+from tomo.operators import footprint
+from tomo.operators.footprint import footprint_blur, footprint_kernel
 
 EDGES = np.diag([1.0, 1.2, 0.9])
 

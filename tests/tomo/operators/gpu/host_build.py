@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 
 from tomo.operators.gpu import CudaDevice, DeviceError
-from tomo.operators.gpu.device import THREADS_A_BLOCK
+from tomo.operators.gpu.device import NAMES, THREADS_A_BLOCK, source
 from tomo.operators.gpu.device_operator import DeviceOperator
-from tomo.operators.gpu.kernels import NAMES, source
 
 HERE = Path(__file__).parent
 COMPILER = next(filter(None, map(shutil.which, (os.environ.get("CXX", "g++"), "clang++"))), None)

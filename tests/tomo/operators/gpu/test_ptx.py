@@ -5,7 +5,7 @@ import re
 import pytest
 from studies.common.ptx import body_of, compiled, innermost_loop
 
-from tomo.operators.gpu.kernels import NAMES, source
+from tomo.operators.gpu.device import NAMES, source
 
 MOST = {"forward_1": 50, "adjoint_1": 50}
 """Instructions in the walk's loop, all three axes; a crossing runs through two thirds of them."""

@@ -8,8 +8,7 @@ import pytest
 from rigs import Distortion, ring
 from tomo import Rays, VoxelGrid
 from tomo.operators.on_the_fly.camera_sources import pixel_source
-from tomo.operators.on_the_fly.chunks import chunks_of
-from tomo.operators.on_the_fly.counting_pass import columns_met
+from tomo.operators.on_the_fly.chunks import chunks_of, columns_met
 from tomo.operators.on_the_fly.running_sums import ORDERS
 from tomo.trace import trace
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from rigs import ring
 from tomo import VoxelGrid
 from tomo.operators.on_the_fly.camera_sources import CameraPixels
-from tomo.operators.on_the_fly.pixel_runs import PixelRuns, pixels_between, pixels_by_source
+from tomo.operators.on_the_fly.ray_sources import PixelRuns, pixels_between, pixels_by_source
 
 COUNT = 60
 CASES = {

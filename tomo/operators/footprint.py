@@ -68,13 +68,11 @@ def footprint_blur(
 
     Parameters
     ----------
-    rig : Rig
     pixels : sequence of (P_v,) int
         For each camera the flat numbers ``row * width + column`` of the pixels that take part.
     seen : (pixels,) bool
         Whether the ray of a pixel meets a voxel. The others show nothing, and count as if they
         took no part.
-    grid : VoxelGrid
     supersample : int
         Rays along each side of a pixel, whose mean is given: part of its area is in there.
     variances : sequence of float, optional
