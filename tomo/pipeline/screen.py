@@ -10,9 +10,8 @@ from numpy.typing import NDArray
 
 from tomo.inference.finding import Finding
 from tomo.inference.fit import Fit
-from tomo.inference.misplaced import TURNS, find_misplaced
+from tomo.inference.misplaced import TURNS, doubles, find_misplaced, is_dark
 from tomo.inference.steps import distrust
-from tomo.inference.misplaced import doubles, is_dark
 from tomo.measurement import NoiseModel, estimate_noise
 from tomo.measurement.pixel_check import PixelCheck, check_pixels
 from tomo.model import Corrections
