@@ -14,7 +14,7 @@ from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
 from rigs.calibrate.quality.windows import AdjustedWindow
 from rigs.calibrate.synchrony import Synchrony
-from rigs.files.json_file import plain
+from rigs.files.text import plain
 from rigs.rig import Rig
 
 

@@ -247,11 +247,6 @@ def flush(paths: Iterable[Path]) -> None:
 
     A folder's own entry holds the names in it. So a file stays whole under its name once the file
     and then its folder are flushed. Windows flushes no folders.
-
-    Raises
-    ------
-    OSError
-        If the disk could not keep one of them.
     """
     for path in paths:
         is_folder = path.is_dir()

@@ -56,21 +56,7 @@ def load_rig(path: str | os.PathLike) -> Rig:
 
 
 def load_scene(path: str | os.PathLike, length_unit: str = "mm") -> Scene:
-    """Return the scene in a YAML file that holds the ``scene`` of a rig.yaml, or its contents.
-
-    Parameters
-    ----------
-    path : path
-    length_unit : str
-        Of the file's lengths.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file, or a mesh's is missing.
-    ValueError
-        In one line: the file, the solid, the field, what was found and what was expected.
-    """
+    """Return the scene in a YAML file that holds the ``scene`` of a rig.yaml, or its contents."""
     data = read_yaml_mapping(path)
     try:
         own = data.get("scene", data)

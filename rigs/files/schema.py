@@ -164,13 +164,7 @@ class RigEntry(_Entry):
 
 
 def parse_rig(data: Mapping[str, Any]) -> RigEntry:
-    """Return the checked entries of a rig file.
-
-    Raises
-    ------
-    ValueError
-        In one line: the camera, the field, what was found and what was expected.
-    """
+    """Return the checked entries of a rig file."""
     try:
         return RigEntry.model_validate(data)
     except pydantic.ValidationError as error:

@@ -1,8 +1,7 @@
-"""The guard before libraries' decoders: what a file claims to hold, against its size and a limit.
+"""Guards for foreign files: what they claim to hold, and the paths that they name.
 
 A few bytes may claim to be gigabytes, and a decoder believes them. Every reader of foreign bytes
-compares the claim of the header here, then leaves the decoding to a library. NumPy's ``.npz`` and
-``.npy`` are read here too.
+compares the claim of the header here, then leaves the decoding to a library.
 """
 
 from __future__ import annotations
@@ -14,12 +13,13 @@ import zipfile
 import zlib
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path, PureWindowsPath
 from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.text import check_plain_file
+from rigs.files.text import breaks_a_line, check_plain_file, shortened
 
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # NumPy writes no other compression
 _READ_HEADER = {
@@ -44,13 +44,7 @@ def largest_claim(stored: int) -> int:
 
 
 def check_claim(claimed: int, stored: int) -> None:
-    """Raise unless a file of ``stored`` bytes may unpack to ``claimed`` bytes.
-
-    Raises
-    ------
-    ValueError
-        Naming both.
-    """
+    """Raise ValueError unless a file of ``stored`` bytes may unpack to ``claimed`` bytes."""
     if claimed < 0:
         raise ValueError(f"found a claim of {claimed} bytes, expected 0 or more: damaged")
     most = largest_claim(stored)
@@ -62,20 +56,9 @@ def check_claim(claimed: int, stored: int) -> None:
 
 
 def decompressed(data: bytes | bytearray, most: int, method: str = "zlib") -> bytearray:
-    """Return what a compressed stream holds, which may be ``most`` bytes.
+    """Return what a stream of zlib, gzip or ``"bzip2"`` holds, which may be ``most`` bytes.
 
-    Parameters
-    ----------
-    data : bytes
-    most : int
-        Decompression stops there.
-    method : str
-        ``"zlib"`` for zlib and gzip streams, ``"bzip2"``.
-
-    Raises
-    ------
-    ValueError
-        If the stream holds more, is truncated or claims more than `check_claim` allows.
+    ValueError where it holds more, is truncated or claims more than `check_claim` allows.
     """
     check_claim(most, len(data))
     stream = bz2.BZ2Decompressor() if method == "bzip2" else zlib.decompressobj(_ANY_HEADER)
@@ -106,11 +89,7 @@ def errors_of_libraries(where: str) -> Iterator[None]:
 def read_arrays(path: str | os.PathLike) -> dict[str, NDArray]:
     """Return the arrays of an ``.npz`` archive by name.
 
-    Raises
-    ------
-    ValueError
-        In one line, if the file is no archive of plain arrays, is damaged, holds Python objects,
-        or claims more than a file of its size may hold.
+    ValueError where it is damaged, holds Python objects or claims more than its size may hold.
     """
     check_plain_file(path)
     with errors_of_libraries("not a readable .npz"):
@@ -124,13 +103,7 @@ def read_arrays(path: str | os.PathLike) -> dict[str, NDArray]:
 
 
 def read_array(path: str | os.PathLike) -> NDArray:
-    """Return the array of an ``.npy`` file.
-
-    Raises
-    ------
-    ValueError
-        In one line, if the file is no plain array, is damaged, or holds Python objects.
-    """
+    """Return the array of an ``.npy`` file; ValueError where it is damaged or holds objects."""
     check_plain_file(path)
     with errors_of_libraries("not a readable .npy"):
         with open(path, "rb") as file:
@@ -155,3 +128,31 @@ def _check_header(file: IO[bytes], size: int, what: str) -> None:
         raise ValueError(
             f"{what}: found {left} bytes of values, expected {dtype} of shape {shape}"
         )
+
+
+def path_inside(file: str, folder: Path, where: str, owner: str = "rig's") -> Path:
+    """Return the path of a file that a file in ``folder`` names, or raise if it leaves the folder.
+
+    Parameters
+    ----------
+    file : str
+        Relative to ``folder``; with the slashes of any system.
+    folder : Path
+    where : str
+        Begins the message: what names the file.
+    owner : str
+        Whose folder it is, for the message.
+    """
+    is_path = bool(file.strip()) and not breaks_a_line(file) and not PureWindowsPath(file).anchor
+    path = folder / file.replace("\\", "/")
+    try:
+        # a name that no file system can hold raises in exists
+        path.exists()
+        is_inside = is_path and path.resolve().is_relative_to(folder.resolve())
+    except (OSError, ValueError, RuntimeError):
+        is_inside = False
+    if not is_inside:
+        raise ValueError(
+            f"{where}: found {shortened(file)}, expected a path inside the {owner} folder"
+        )
+    return path

@@ -5,9 +5,10 @@ from __future__ import annotations
 import datetime
 import difflib
 import json
+import math
 import os
 import stat
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,7 @@ import yaml
 
 from rigs.files.atomic import atomic_path
 
-_MAX_BYTES = 16 * 2**20
-_MAX_LINE = 16 * 2**20  # bytes; COLMAP writes all points of an image into one line
+_MAX_BYTES = 16 * 2**20  # of a file, or a line: COLMAP writes all points of an image into one
 MAX_DEPTH = 32  # levels of nesting; foreign files need below ten, and deeper trees cost a stack
 _MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
 
@@ -48,15 +48,7 @@ def nearest(found: str, known: Sequence[str]) -> str | None:
 
 
 def read_text(path: str | os.PathLike) -> str:
-    """Return the UTF-8 text of the file at ``path``.
-
-    Raises
-    ------
-    FileNotFoundError, IsADirectoryError
-        In one line that names the file.
-    ValueError
-        If it is not UTF-8, or larger than 16 MiB.
-    """
+    """Return the UTF-8 text of a file; ValueError where it is another or larger than 16 MiB."""
     with _existing(path).open("rb") as file:
         data = file.read(_MAX_BYTES + 1)
     if len(data) > _MAX_BYTES:
@@ -74,21 +66,14 @@ def iter_lines(path: str | os.PathLike, keep_empty: bool = False) -> Iterator[st
 
     For formats whose few cameras stand among millions of points. Empty lines are left out unless
     ``keep_empty``.
-
-    Raises
-    ------
-    FileNotFoundError, IsADirectoryError
-        In one line that names the file.
-    ValueError
-        If a line is not UTF-8, or longer than 16 MiB.
     """
     with _existing(path).open("rb") as file:
         number = 0
-        while line := file.readline(_MAX_LINE + 1):
+        while line := file.readline(_MAX_BYTES + 1):
             number += 1
-            if len(line) > _MAX_LINE:
+            if len(line) > _MAX_BYTES:
                 raise ValueError(
-                    f"{path}: found a line {number} of more than {_MAX_LINE >> 20} MiB, expected "
+                    f"{path}: found a line {number} of more than {_MAX_BYTES >> 20} MiB, expected "
                     "a text file"
                 )
             try:
@@ -117,13 +102,7 @@ def _existing(path: str | os.PathLike) -> Path:
 
 
 def check_plain_file(path: str | os.PathLike) -> None:
-    """Raise where there is something else than a file or folder: reading a pipe may never end.
-
-    Raises
-    ------
-    ValueError
-        Naming the path, and the kind of a pipe, a socket or a device.
-    """
+    """Raise where there is something else than a file or folder: reading a pipe may never end."""
     try:
         mode = os.stat(path).st_mode
     except (OSError, ValueError):
@@ -206,8 +185,6 @@ def read_json(path: str | os.PathLike) -> Any:
         raise ValueError(f"{path}: found an empty file, expected JSON")
     try:
         return json.loads(text)
-    except json.JSONDecodeError as error:
-        raise ValueError(f"{path}: broken JSON at line {error.lineno}: {error.msg}") from None
     except RecursionError:
         raise ValueError(f"{path}: broken JSON: nested too deeply") from None
     except ValueError as error:
@@ -229,10 +206,8 @@ def _kind(data: object) -> str:
 
 
 def _check_events(text: str, path: str | os.PathLike) -> None:
-    """Refuse aliases, deep nesting and too many values before values are built.
-
-    Nodes are built by recursion in C, which overflows the stack at some ten thousand levels.
-    """
+    """Refuse aliases, deep nesting and too many values before values are built."""
+    # nodes are built by recursion in C, which overflows the stack at some ten thousand levels
     depth, values = 0, 0
     anchors: dict[str | None, int] = {}
     for event in yaml.parse(text, _Loader):
@@ -291,3 +266,24 @@ def _plain(value: Any) -> Any:
     if isinstance(value, bytes):
         return value.hex()
     return value
+
+
+def plain(value: Any, digits: int | None = None) -> Any:
+    """Return data as JSON holds it: text keys, lists, null for NaN and infinity."""
+    if isinstance(value, Mapping):
+        return {str(key): plain(inner, digits) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(inner, digits) for inner in value]
+    if hasattr(value, "item"):
+        value = value.item()
+    if not isinstance(value, float):
+        return value
+    if not math.isfinite(value):
+        return None
+    return value if digits is None else float(f"{value:.{digits}g}")
+
+
+def write_json(path: Path, value: Any, indent: int | None = None) -> None:
+    """Write plain data to a file atomically."""
+    with atomic_path(path) as temporary:
+        temporary.write_text(json.dumps(value, indent=indent) + "\n", "utf-8")

@@ -64,10 +64,7 @@ def metres(unit: str) -> float:
 
 
 def _calibration_in(summary: dict[str, Any], rig_unit: str, unit: str) -> dict[str, Any]:
-    """Return a calibration's figures with its lengths in ``unit``.
-
-    They are unchanged if their own unit cannot be converted.
-    """
+    """Return a calibration's figures with its lengths in ``unit``."""
     own = summary.get("length_unit", rig_unit)
     if own == UNKNOWN:
         return summary | {"length_unit": unit}

@@ -142,13 +142,7 @@ def _axes_by_points(
 
 
 def _by_places(points: NDArray, become: NDArray, rescale: bool, frame: str) -> World:
-    """Return the world that carries points to their given places best.
-
-    Raises
-    ------
-    ValueError
-        If points or places are on a line, or are not each other's within 5 % of their extent.
-    """
+    """Return the world that carries points to their given places best."""
     if len(points) != len(become):
         raise ValueError(f"become: found {len(become)} points, expected {len(points)}, as points")
     for name, some in (("points", points), ("become", become)):

@@ -32,23 +32,12 @@ def read_xml(path: str | os.PathLike) -> ElementTree.Element:
 
     A document that declares entities is refused: a few lines of them may expand to any amount of
     text or name other files. External document types are not fetched.
-
-    Raises
-    ------
-    ValueError
-        In one line that names the file: entities, deep nesting or broken XML.
     """
     return parse_xml(read_text(path), path)
 
 
 def parse_xml(text: str, path: str | os.PathLike) -> ElementTree.Element:
-    """Return the root element of a text; errors name the file that it stands in.
-
-    Raises
-    ------
-    ValueError
-        See `read_xml`.
-    """
+    """Return the root element of a text; errors name the file that it stands in."""
     if not text.strip():
         raise ValueError(f"{path}: found an empty file, expected XML")
     if re.search(r"<!ENTITY", text):

@@ -1,8 +1,7 @@
 """COLMAP's camera models: their numbers, their parameters, and what holds them here.
 
-Most are lenses of `rigs.lens`. FOV, the division models, EUCM and a thin prism behind a fisheye
-have no counterpart there: their cameras become tables of rays, by these inverses. With ``u`` an
-image point and ``r`` its radius, in focal lengths::
+Most are lenses of `rigs.lens`; cameras of others become tables of rays, by these inverses. With
+``u`` an image point and ``r`` its radius, in focal lengths::
 
     FOV                 the ray leans by tan(r omega) / (2 tan(omega / 2)) from the axis
     DIVISION            the ray is (u, 1 + k r^2)
@@ -23,9 +22,8 @@ from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
-from rigs.files.text import shortened
 from rigs.formats._lens_rays import behind_fisheye, check_table_size, sphere, table_of
-from rigs.formats._values import as_count, errors_of, numbers_of_line
+from rigs.formats._values import as_count, errors_of, numbers_of_line, one_of
 from rigs.geometry.image_checks import pixel_centres
 from rigs.lens import Distortion
 
@@ -94,11 +92,7 @@ def _with_rays(camera: Camera, model: str, values: tuple[tuple[str, float], ...]
 def read_sensor(number: str, words: Sequence[str]) -> Sensor:
     """Return the camera of a line of ``cameras.txt``, without its number."""
     with errors_of(f"camera {number}"):
-        model = words[0]
-        if model not in MODELS:
-            raise ValueError(
-                f"MODEL: found {shortened(model)}, expected one of {', '.join(MODELS)}"
-            )
+        model = one_of(words[0], MODELS, "MODEL")
         parameters = MODELS[model][2].split()
         values = dict(zip(parameters, numbers_of_line(words[3:], parameters), strict=True))
         size = as_count(words[1], "WIDTH"), as_count(words[2], "HEIGHT")
@@ -140,10 +134,7 @@ def _lens_of(model: str, values: Mapping[str, float]) -> Distortion | None:
 def _directions(
     model: str, values: Mapping[str, float], plane: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return unit vectors ``(N, 3)`` seen at ``plane`` ``(N, 2)``, in focal lengths; or NaN.
-
-    For models of which `_lens_of` returns None.
-    """
+    """Return unit vectors ``(N, 3)`` seen at ``plane`` ``(N, 2)``, in focal lengths; or NaN."""
     if model == "EUCM":
         return sphere("eucm", (values["alpha"], values["beta"]), plane)
     radius = np.linalg.norm(plane, axis=1, keepdims=True)

@@ -74,10 +74,7 @@ def _mapping(element: Element) -> dict[str, Any]:
 
 
 def _data_of(element: Element) -> Any:
-    """Return the data of an element: a matrix or mapping, a list of ``_``, or its text's values.
-
-    Numbers are plain words, text with blanks or of digits stands in quotes.
-    """
+    """Return an element's data: a matrix or mapping, a list of ``_``, or its text's values."""
     if len(element):
         return [_data_of(c) for c in element] if element[0].tag == "_" else _mapping(element)
     words = re.findall(r'"[^"]*"|\S+', element.text or "")
@@ -103,10 +100,7 @@ def first(entry: Mapping[str, Any], keys: tuple[str, ...]) -> str | None:
 
 
 def _plain(found: object, what: str) -> object:
-    """Return the rows of a matrix in OpenCV's form or as plain lists.
-
-    ``cv2.FileStorage`` writes an array of one dimension as ``sizes`` and ``data``.
-    """
+    """Return the rows of a matrix in OpenCV's form or as plain lists."""
     if not isinstance(found, dict):
         return found
     if found.get("sizes") is not None:
@@ -176,19 +170,7 @@ def is_fisheye(entry: Mapping[str, Any]) -> bool:
 
 
 def by_suffix(data: Mapping[str, Any], stems: Mapping[str, str]) -> dict[str, dict[str, Any]]:
-    """Return the entries of cameras whose fields are keys like ``K_left`` at the top level.
-
-    Parameters
-    ----------
-    data : mapping
-    stems : mapping of str
-        From the key's part before the first ``_<camera>`` to the field's name in an entry.
-
-    Returns
-    -------
-    dict of dict
-        By the cameras' names, in order of appearance.
-    """
+    """Return the entries of cameras whose fields are keys like ``K_left`` at the top level."""
     entries: dict[str, dict[str, Any]] = {}
     for key, value in data.items():
         for stem, field in stems.items():

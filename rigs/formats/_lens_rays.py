@@ -119,11 +119,7 @@ def behind_fisheye(bent: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _undistorted(plane: NDArray[np.float64], lens: Mapping[str, float]) -> NDArray[np.float64]:
-    """Return the points ``(N, 2)`` that the lens maps to ``plane`` ``(N, 2)``, by Newton's steps.
-
-    A point is NaN where there is none on the axis's side of the fold, where the Jacobian's
-    determinant or the factor of the radius stops being positive.
-    """
+    """Return the points that the lens maps to ``plane``, both ``(N, 2)``, by Newton's steps."""
     point = np.array(plane)
     active = np.arange(len(point))  # points that a step still moves
     for _ in range(_STEPS):

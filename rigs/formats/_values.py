@@ -127,29 +127,24 @@ def required(values: Mapping[str, Any], key: str, expected: str = "it in the fil
 
 
 def as_array(found: object, shape: tuple[int | None, ...], what: str) -> NDArray[np.float64]:
-    """Return ``found`` as finite numbers of ``shape``; None stands for any length."""
+    """Return ``found`` as finite numbers of ``shape``; None stands for any length, () for all."""
     try:
         array = np.array(found, np.float64)
     except (TypeError, ValueError, OverflowError):
-        array = np.zeros((0,) * 9)
-    fits = array.ndim == len(shape) and all(
-        want in (None, have) for want, have in zip(shape, array.shape, strict=True)
+        array = np.full((1,) * 9, np.nan)
+    fits = not shape or (
+        array.ndim == len(shape)
+        and all(want in (None, have) for want, have in zip(shape, array.shape, strict=True))
     )
     if not fits or not (np.abs(array) < LARGEST).all():
-        wanted = "" if shape == (None,) else " x ".join(map(str, shape)) + " "
+        wanted = " x ".join(map(str, shape)) + " " if any(shape) else ""
         raise ValueError(f"{what}: found {shortened(found)}, expected {wanted}finite numbers")
     return array
 
 
 def flat(found: object, what: str) -> NDArray[np.float64]:
     """Return ``found``, numbers in a row, a column or a list, as finite numbers ``(n,)``."""
-    try:
-        array = np.array(found, np.float64).reshape(-1)
-    except (TypeError, ValueError, OverflowError):
-        array = np.array([np.nan])
-    if not (np.abs(array) < LARGEST).all():
-        raise ValueError(f"{what}: found {shortened(found)}, expected finite numbers")
-    return array
+    return as_array(found, (), what).reshape(-1)
 
 
 def as_rotation(found: object, what: str) -> NDArray[np.float64]:
@@ -179,23 +174,7 @@ def cameras_of(
     read: Callable[[Path], CameraLike],
     what: str,
 ) -> tuple[CameraLike, ...]:
-    """Return the camera of a file, or those of a folder.
-
-    Parameters
-    ----------
-    path : Path
-    files_of : callable
-        From a folder to its cameras' files.
-    read : callable
-        From a file to its camera.
-    what : str
-        The files that a folder should hold.
-
-    Raises
-    ------
-    ValueError
-        If a folder holds none; or of a camera, beginning with its file.
-    """
+    """Return the camera of a file, or those of a folder."""
     files = files_of(path) if path.is_dir() else [path]
     if not files:
         raise ValueError(f"{path}: found no {what}")

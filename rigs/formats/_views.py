@@ -65,13 +65,7 @@ class Views:
         self.finish.append(finish or _unchanged)
 
     def rig(self, unit: str = UNKNOWN, frame: str | None = None) -> Rig:
-        """Return the rig of the images; those in ``lost`` are named.
-
-        Raises
-        ------
-        ValueError
-            If no image has a pose, or those of one camera differ.
-        """
+        """Return the rig of the images; those in ``lost`` are named."""
         if not self.images:
             raise ValueError(f"found a pose of none of {len(self.lost)} views, expected some")
         if self.lost:
@@ -160,10 +154,7 @@ def named(
 
 
 def _moments(images: Sequence[PurePosixPath], cameras: Sequence[Camera]) -> list[tuple[str, str]]:
-    """Return each image's camera and moment where several are of one camera, else nothing.
-
-    The moment is the number at the end of the image's stem, the camera what stands before it.
-    """
+    """Return each image's camera and moment where several are of one camera, else nothing."""
     kinds = _kinds(cameras)
     first = {kind: index for index, kind in reversed(list(enumerate(kinds)))}
     repeated = next((i for i, kind in enumerate(kinds) if first[kind] != i), None)
@@ -188,10 +179,8 @@ def _moments(images: Sequence[PurePosixPath], cameras: Sequence[Camera]) -> list
 
 
 def _kinds(cameras: Sequence[Camera]) -> list[int]:
-    """Return a number for each camera, the same for those without a `difference`.
-
-    Cameras are compared along one sorted line of a weighted sum of their parameters.
-    """
+    """Return a number for each camera, the same for those without a `difference`."""
+    # compared along one sorted line of a weighted sum of their parameters
     sums = []
     for camera in cameras:
         K, R = camera.camera_matrix.ravel(), camera.R.ravel()

@@ -1,14 +1,11 @@
 """AliceVision's and Meshroom's ``.sfm`` or JSON: views, intrinsics and poses, numbers as text.
 
-Read only. A pose's ``rotation`` is world to camera, OpenCV's axes, nine numbers *column by
+A pose's ``rotation`` is world to camera, OpenCV's axes, nine numbers *column by
 column*; ``center`` is the camera's. ``fx = focalLength / sensorWidth * width`` pixels;
 ``fy = fx pixelRatio`` since version 1.2.5 of the format, ``fx / pixelRatio`` before; older files
 have ``pxFocalLength``. The principal point is from the image's middle in pixels (before 1.2.1 from
 its corner), (0.5, 0.5) the centre of the top-left pixel. Lenses are ``type``, or since 1.2.6
-``distortionType``: none, radial k1 and k3, brown (OpenCV's k1 k2 k3 p1 p2) and fisheye4 (OpenCV's
-fisheye); others, equidistant cameras and lenses given by their undistortion are refused. A view's
-camera is its image's folder, else the image itself. Views without a pose are left out with a
-warning; views with their rig's pose alone are refused. Lengths have no unit. Sources:
+``distortionType``. Views with their rig's pose alone are refused. Sources:
 ``src/aliceVision/sfmDataIO/jsonIO.cpp`` and ``src/aliceVision/camera`` at
 https://github.com/alicevision/AliceVision.
 """

@@ -1,14 +1,10 @@
 """The TOML of anipose, Pose2Sim, FreeMoCap and caliscope: OpenCV's cameras, one table each.
 
-Read only. A camera is a table, of any name, of ``name, size, matrix, distortions, rotation,
-translation, fisheye``; caliscope's ``camera_array.toml`` has them in ``[cameras.0] ...``, named by
-their numbers, some of them with ``ignore = true``. A table with some of ``matrix, distortions,
-rotation, translation`` that lacks another is an error; tables with none of them, like
-``[metadata]``, are no cameras, and neither are the pairs ``[stereo_0_1]`` of older caliscope, with
-a pose alone. Cameras without ``rotation`` and ``translation`` (or ``"null"``), which caliscope
-could not place, are left out with a warning. ``x_cam = R(rotation) @ x_world +
-translation``, rotation as OpenCV's rvec or a 3 x 3 matrix; pixel centres at integers; lengths in
-the unit of the board, which the files do not name.
+A camera is a table, of any name, of ``name, size, matrix, distortions, rotation, translation,
+fisheye``; caliscope's ``camera_array.toml`` has them in ``[cameras.0] ...``. Tables without any of
+these, like ``[metadata]``, are no cameras, and neither are the pairs ``[stereo_0_1]`` of older
+caliscope. ``x_cam = R(rotation) @ x_world + translation``, rotation as OpenCV's rvec or a 3 x 3
+matrix; pixel centres at integers; lengths in the unit of the board, which the files do not name.
 Source: ``aniposelib/cameras.py`` at https://github.com/lambdaloop/aniposelib and
 ``src/caliscope/persistence.py`` at https://github.com/mprib/caliscope.
 """

@@ -28,13 +28,7 @@ from rigs.rig import Rig
 
 
 def save(rig: Rig, path: Path) -> None:
-    """Write the geometry of a rig of pinholes, all of one image size.
-
-    Raises
-    ------
-    ValueError
-        Naming a camera with a lens, or of another image size than the first.
-    """
+    """Write the geometry of a rig of pinholes, all of one image size."""
     cameras = refuse_tables(rig, "ASTRA")
     if not len(rig):
         raise ValueError("cameras: found none, expected at least one")

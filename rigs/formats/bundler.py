@@ -1,14 +1,13 @@
 """Bundler's ``bundle.out``: focal length, two radial terms, R and t of each image of a list.
 
-Read only. After the line ``# Bundle file v0.3`` and the numbers of images and points, an image has
+After the line ``# Bundle file v0.3`` and the numbers of images and points, an image has
 ``f k1 k2``, three rows of R and one of t. It looks along -z with y up::
 
     P = R X + t,   p = -(Px, Py) / Pz,   pixel = f (1 + k1 |p|^2 + k2 |p|^4) p
 
 from the middle of the image, x to the right and y up. Names are those of ``list.txt`` beside the
-file or one folder above; without it images are camera0, camera1, ... An image with f = 0 was not
-oriented: it is left out, and a warning says so. Image sizes are those of the images, else asked
-for. Lengths have no unit. Source: Snavely, "Bundler v0.4 user's manual",
+file or one folder above. An image with f = 0 was not oriented. Source: Snavely,
+"Bundler v0.4 user's manual",
 https://www.cs.cornell.edu/~snavely/bundler/bundler-v0.4-manual.html.
 """
 

@@ -1,16 +1,13 @@
 """COLMAP's models: a folder of ``cameras``, ``images`` and, since 3.12, ``rigs``, as .txt or .bin.
 
 Poses are world to camera in OpenCV's axes, ``x_cam = R(QW, QX, QY, QZ) @ x_world + T``; (0.5, 0.5)
-is the centre of the top-left pixel; lengths have no unit. `rigs.formats._colmap_lenses` lists the
-camera models; FOV, DIVISION and EUCM become tables of rays.
+is the centre of the top-left pixel; lengths have no unit.
 
-An image's camera is its folder, else the image itself, as in ``transforms.json``. A folder whose
-images stand in different places belongs to a moving rig: then ``rigs`` is read, and the world is
-the axes of the rig's reference sensor. Without ``images`` too; sensors are then named by their
-numbers. Where no rig has several sensors, or one camera took all images, cameras moved round a
-still scene, and every image is a camera. A project's folder is read through its ``sparse``, and a
-folder with a model of each kind where both say the same. Written are the cameras as sensors of one
-rig, as text, seen in one frame, one image ``<camera>.png`` each.
+A folder whose images stand in different places belongs to a moving rig: then ``rigs`` is read, and
+the world is the axes of the rig's reference sensor. Without ``images`` too; sensors are then named
+by their numbers. Where no rig has several sensors, or one camera took all images, cameras moved
+round a still scene, and every image is a camera. Written are the cameras as sensors of one rig, as
+text, seen in one frame, one image ``<camera>.png`` each.
 https://colmap.github.io/format.html, https://colmap.github.io/cameras.html
 """
 

@@ -12,8 +12,8 @@ unit, and no lens: images must be undistorted first. Nor do they say where pixel
 ``dlt_bottom`` from 1 at the bottom-left pixel, v upwards (DLTdv 3 to 7, Argus).
 
 Cameras that look away from the point where their axes meet show that rows count from the other
-edge, or that the file's world is left-handed, as easyWand's often is. Here that is refused with
-the question; where the format was chosen by name, Z is negated, and a warning says so. Source:
+edge, or that the file's world is left-handed: where the format was chosen by name, Z is negated.
+Source:
 Abdel-Aziz and Karara, "Direct linear transformation" (1971); ``dlt_inverse.m`` and
 ``dlt_invert.m`` at https://github.com/tlhedrick/dltdv; ``tools.py`` at
 https://github.com/kilmoretrout/argus_gui.
@@ -60,17 +60,7 @@ def load(
     first: int | None = None,
     bottom: bool = False,
 ) -> Rig:
-    """Return the rig of a table.
-
-    Parameters
-    ----------
-    path : Path
-    image_size : (int, int) or None
-    first : int, optional
-        The number of the first column and row; by default the file does not say, and 0 is taken.
-    bottom : bool
-        Whether rows count from the bottom.
-    """
+    """Return the rig of a table whose first pixel is number ``first``, unknown where None."""
     table = _table(read_text(path))
     size = required_size(image_size, "DLT")
     # pixel = count @ (u, v, 1), with v from the top

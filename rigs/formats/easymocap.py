@@ -4,8 +4,7 @@ Read only. ``names``: the cameras; ``K_<name>`` 3 x 3, ``dist_<name>`` (or ``D_<
 OpenCV's order, ``H_<name>, W_<name>`` the image size, which older files lack; ``R_<name>`` the
 rotation vector, ``Rot_<name>`` its matrix, ``T_<name>``. ``x_cam = R @ x_world + T``, pixel
 centres at integers; lengths are in the unit of the board, which the files do not name. Both
-halves may stand in one file, in YAML, JSON or XML, and ``names`` may be absent. Cameras of an
-``intri.yml`` without its other half all stand at the origin, ``nominal``: intrinsics alone.
+halves may stand in one file, in YAML, JSON or XML, and ``names`` may be absent.
 Source: ``easymocap/mytools/camera_utils.py`` at https://github.com/zju3dv/EasyMocap.
 """
 

@@ -1,12 +1,10 @@
 """3-D Gaussian splatting's ``cameras.json``: pinholes with the principal point in the middle.
 
-Read only. A list of ``{id, img_name, width, height, position, rotation, fx, fy}``: ``rotation``
+A list of ``{id, img_name, width, height, position, rotation, fx, fy}``: ``rotation``
 is *camera to world*, its columns OpenCV's axes (x right, y down, z forward), ``position`` the
 camera's centre. The renderer knows neither a lens nor a principal point: the axis meets the image
 in its middle, at pixel ``(width - 1) / 2``, ``(height - 1) / 2`` with pixel centres at integers.
-Lens values (``cx``, ``k1``), which some forks write without saying in which convention, are
-refused. Lengths have no unit. The images are those without distortion that the splats were trained
-on, at the scale of ``width`` and ``height``.
+Lens values, which some forks write without saying in which convention, are refused.
 Source: ``camera_to_JSON`` in ``utils/camera_utils.py`` and ``ndc2Pix`` of the rasteriser at
 https://github.com/graphdeco-inria/gaussian-splatting.
 """

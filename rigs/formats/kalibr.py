@@ -1,12 +1,9 @@
 """Kalibr's ``camchain.yaml``: each camera's pose from the one before it.
 
-Read only. ``cam0, cam1 ...: {camera_model, intrinsics, distortion_model, distortion_coeffs,
-resolution, T_cn_cnm1}`` with ``x_cam = T_cn_cnm1 @ x_camera_before``; the world is the first
-camera's axes, lengths are in metres, pixel centres at integers. Known are the camera model
-pinhole (``fu fv pu pv``) with the distortion models radtan (OpenCV's k1 k2 p1 p2), equidistant
-(OpenCV's fisheye) and none; and omni (``xi``, with radtan or none), ds (``xi alpha``) and eucm
-(``alpha beta``), which `rigs.lens` lacks: these cameras become tables of rays. The distortion
-model fov is refused.
+``cam0, cam1 ...: {camera_model, intrinsics, distortion_model, distortion_coeffs, resolution,
+T_cn_cnm1}`` with ``x_cam = T_cn_cnm1 @ x_camera_before``; the world is the first camera's axes,
+lengths are in metres, pixel centres at integers. radtan is OpenCV's k1 k2 p1 p2, equidistant its
+fisheye; omni, ds and eucm become tables of rays.
 https://github.com/ethz-asl/kalibr/wiki/yaml-formats
 """
 
@@ -22,7 +19,7 @@ from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
-from rigs.files.text import read_yaml_mapping, shortened
+from rigs.files.text import read_yaml_mapping
 from rigs.formats._lens_rays import SPHERES, sphere_table
 from rigs.formats._values import (
     as_array,
@@ -86,12 +83,7 @@ def _camera(name: str, entry: Mapping[str, Any], pose: NDArray) -> CameraLike:
     """Return the camera of an entry at a pose ``(4, 4)``."""
     with errors_of(f"camera {name}"):
         model = one_of(required(entry, "camera_model"), _LENSES, "camera_model")
-        lens = required(entry, "distortion_model")
-        if not isinstance(lens, str) or lens not in _LENSES[model]:
-            raise ValueError(
-                f"distortion_model: found {shortened(lens)}, "
-                f"expected one of {', '.join(_LENSES[model])} for {model}"
-            )
+        lens = one_of(required(entry, "distortion_model"), _LENSES[model], "distortion_model")
         count = len(SPHERES.get(model, ()))
         intrinsics = as_array(required(entry, "intrinsics"), (count + 4,), "intrinsics").tolist()
         fu, fv, pu, pv = intrinsics[count:]

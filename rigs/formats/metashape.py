@@ -1,6 +1,6 @@
 """Agisoft Metashape's ``cameras.xml``: sensors, and cameras with their poses in a chunk.
 
-Read only. A camera's ``transform`` is 4 x 4, camera to chunk, OpenCV's axes. The chunk's, or its
+A camera's ``transform`` is 4 x 4, camera to chunk, OpenCV's axes. The chunk's, or its
 component's, ``transform`` (rotation, translation, scale) then leads to the world and is applied:
 lengths are metres where ``reference`` names a system in metres, else without a unit. The lens is::
 
@@ -9,12 +9,8 @@ lengths are metres where ``reference`` names a system in metres, else without a 
     u = width / 2 + cx + x' (f + b1) + y' b2,   v = height / 2 + cy + y' f
 
 with (0.5, 0.5) the centre of the top-left pixel: OpenCV's with p1 and p2 exchanged and ``b2`` as
-skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's. With k4 of a frame camera,
-p1, p2 of a fisheye, or p3, p4 of older versions no lens here equals it, and the camera becomes a
-table of rays. Other types of sensor are refused by name; so are slaves in a multi-camera system
-without a transform of their own. Cameras are named by their labels' folders, else by their labels,
-as images of ``transforms.json``. Those without a transform, which Metashape did not align, and
-disabled ones are left out with a warning. Sources: appendix "Camera models" of the Metashape user
+skew. Sensors of type ``fisheye`` are equidistant, k1 to k4 as OpenCV's. Where no lens here equals
+it the camera becomes a table of rays. Sources: appendix "Camera models" of the Metashape user
 manual; exports of 1.5 and later.
 """
 

@@ -32,14 +32,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a ``*_par.txt``; the cameras are named by their images' stems.
-
-    Parameters
-    ----------
-    path : Path
-    image_size : (int, int), optional
-        Width and height of all images; by default those of the images in the file's folder.
-    """
+    """Return the rig of a ``*_par.txt``; the cameras are named by their images' stems."""
     lines = [line for line in read_text(path).splitlines() if line.strip()]
     if not lines:
         raise ValueError("found an empty file, expected the number of images")

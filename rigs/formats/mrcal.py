@@ -5,8 +5,7 @@ and ``distortion_model`` in older files), ``intrinsics``: fx fy cx cy and the le
 ``extrinsics``: rotation vector and translation, ``x_cam = R @ x_reference + t``; ``imagersize``:
 width and height. Pixel centres are at integers; the files name no unit. Known are
 LENSMODEL_PINHOLE and LENSMODEL_OPENCV4, 5, 8 and 12, which are OpenCV's lenses with that many
-coefficients; splined models, CAHVOR and others are refused by name. Not kept are
-``valid_intrinsics_region`` and ``optimization_inputs``.
+coefficients.
 http://mrcal.secretsauce.net/cameramodels.html, http://mrcal.secretsauce.net/lensmodels.html
 """
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from rigs.camera import Camera
-from rigs.files.text import read_json_mapping, shortened
+from rigs.files.text import read_json_mapping
 from rigs.files.units import UNKNOWN
 from rigs.formats._lens import from_vector
 from rigs.formats._values import (
@@ -24,6 +24,7 @@ from rigs.formats._values import (
     as_size,
     errors_of,
     flat,
+    one_of,
     required,
     usable_name,
 )
@@ -57,11 +58,7 @@ def _camera(name: str, entry: Mapping[str, Any], pose: Mapping[str, Any]) -> Cam
     """Return the camera of an entry and a pose."""
     with errors_of(f"camera {name}"):
         entry, pose = as_mapping(entry, "entry"), as_mapping(pose, "camera_poses")
-        model = required(entry, "model")
-        if model not in _MODELS:
-            raise ValueError(
-                f"model: found {shortened(model)}, expected one of {', '.join(_MODELS)}"
-            )
+        one_of(required(entry, "model"), _MODELS, "model")
         K = as_array(required(entry, "K"), (3, 3), "K")
         distortion = from_vector(flat(required(entry, "dist"), "dist"), False, "dist")
         size = as_size(required(entry, "image_size"), "image_size")

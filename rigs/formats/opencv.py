@@ -15,7 +15,6 @@ Conventions are this package's: ``x_cam = R @ x_world + T``, pixel centres at in
   first) of ``samples/cpp/stereo_calib``, either of them, or both in one; the cameras are
   ``left`` and ``right`` and the world is the left one's axes. They hold no image size.
 
-Cameras of a file without any pose all stand at the origin, ``nominal``: intrinsics alone.
 OpenCV's files name no unit; those written here hold ``length_unit``. Written are lists of
 ``cameras`` for rigs, single entries for rigs of one, or folders.
 https://docs.opencv.org/5.x/d4/da4/tutorial_file_input_output.html
@@ -136,11 +135,6 @@ def save(rig: Rig, path: Path) -> None:
     """Write a rig as ``cv2.FileStorage`` does: JSON, XML or YAML, by the ending of ``path``.
 
     A path with another ending is a folder, of one YAML file per camera.
-
-    Raises
-    ------
-    ValueError
-        Naming a camera with skew, which OpenCV's functions ignore.
     """
     cameras = refuse_tables(rig, "OpenCV")
     for camera in cameras:

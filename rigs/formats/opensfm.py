@@ -1,6 +1,6 @@
 """OpenSfM's and ODM's ``reconstruction.json``: cameras, and shots with their poses.
 
-Read only. A shot's ``rotation`` (a vector as OpenCV's rvec) and ``translation`` lead from the
+A shot's ``rotation`` (a vector as OpenCV's rvec) and ``translation`` lead from the
 world to the camera in OpenCV's axes. A camera's focal lengths and principal point are in units of
 the longer side of the image, from its middle: pixel ``u = x max(w, h) + (w - 1) / 2`` with pixel
 centres at integers. Known are perspective, simple_radial, radial, brown (OpenCV's lens), fisheye

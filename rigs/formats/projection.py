@@ -46,13 +46,7 @@ _LEAST_PARALLAX = 1e-3  # eigenvalue a camera, radians squared: axes nearer to p
 
 
 def camera_of_matrix(P: NDArray[np.float64], name: str, image_size: tuple[int, int]) -> Camera:
-    """Return the pinhole that projects like ``P`` ``(3, 4)``.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is singular, is a pose without intrinsics, or does not survive to 1e-6 px.
-    """
+    """Return the pinhole that projects like ``P`` ``(3, 4)``."""
     with np.errstate(all="ignore"):
         scaled = P / np.linalg.norm(P[2, :3])
         regular = np.isfinite(scaled).all() and np.linalg.cond(scaled[:, :3]) < 1e14
@@ -114,14 +108,7 @@ def looks_like(path: Path, head: str) -> bool:
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
-    """Return the rig of a matrix's file, or of a folder of them.
-
-    Parameters
-    ----------
-    path : Path
-    image_size : (int, int), optional
-        Width and height of all images; by default those of the images of the same names.
-    """
+    """Return the rig of a matrix's file, or of a folder of them."""
     what = "files of 3 x 4 numbers, expected one a camera"
     cameras = cameras_of(path, _files_of, lambda file: _camera(file, image_size), what)
     if look_away(cameras):

@@ -6,9 +6,8 @@ focal lengths and principal point in 1/64 of a pixel of the whole sensor, and Op
 (radial 1 to 3, tangential 1 and 2) of points in focal lengths. Pixel centres are at integers. The
 rows of ``r`` are the camera's axes in the world: x right, y up, z backwards.
 
-Some programs write the transpose. Where axes meet in front of the cameras by the transpose alone,
-that is read, with a warning. Cameras with ``active="0"`` are left out with a warning; so a turned
-view (``viewrotation``) is named, as pixels are taken as on the sensor. Sources:
+Some programs write the transpose: it is read where axes meet in front of the cameras by it alone.
+Sources:
 https://docs.theiamarkerless.com/theia3d-documentation/data-formats/calibration-files;
 ``read_qca`` of ``Pose2Sim/calibration.py`` at https://github.com/perfanalytics/pose2sim, which
 divides the distortion by 64 as well; it has no unit, and is taken as it is.

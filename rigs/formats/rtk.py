@@ -36,13 +36,7 @@ _SAME_RATIO = 1e-9  # relative difference of fx / fy up to which cameras share a
 
 
 def save(rig: Rig, path: Path) -> None:
-    """Write one XML for all cameras, or, into a folder, one for each.
-
-    Raises
-    ------
-    ValueError
-        Naming a camera with a lens or skew, or one that does not fit into the stack of the first.
-    """
+    """Write one XML for all cameras, or, into a folder, one for each."""
     cameras = refuse_tables(rig, "RTK")
     if not cameras:
         raise ValueError("cameras: found none, expected at least one")

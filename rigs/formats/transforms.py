@@ -51,13 +51,6 @@ def load_transforms(
         absolute, of Windows, or leads out of the file's folder is kept as it is: who opens an
         image checks it.
 
-    Raises
-    ------
-    FileNotFoundError, IsADirectoryError
-        If there is no such file.
-    ValueError
-        In one line: the file, the entry's image, the field, what was found, what was expected.
-
     Notes
     -----
     An entry's camera is its ``camera``, else its image's folder, else the entry itself, named
@@ -114,12 +107,6 @@ def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = N
     frames : list of (str, {camera name: Path}), optional
         As `load_transforms` returns them: one entry per image, its path relative to the file's
         folder. By default one entry per camera, ``images/<camera>.png``.
-
-    Raises
-    ------
-    ValueError
-        Naming the camera and the field: a lens or a skew that the format lacks, or an image
-        outside the file's folder.
 
     Notes
     -----

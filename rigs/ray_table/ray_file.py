@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from rigs.figures import Optics
-from rigs.files.inside import path_inside
-from rigs.files.size_guard import read_arrays
+from rigs.files.size_guard import path_inside, read_arrays
 from rigs.files.text import write_bytes
 from rigs.ray_table.ray_table import RayTable
 

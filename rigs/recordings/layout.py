@@ -191,11 +191,8 @@ def _frame_of(stem: str, camera: str) -> str | None:
 
 
 def _numbered(paths: Sequence[Path]) -> Iterable[tuple[str, str, Path]]:
-    """Yield camera, frame and path of files ``CAMERA_NUMBER``; nothing where one is not.
-
-    Words that stand before the number of every camera are the frame's: ``pose_01`` of
-    ``left_pose_01`` and ``right_pose_01``.
-    """
+    """Yield camera, frame and path of files ``CAMERA_NUMBER``; nothing where one is not."""
+    # words before the number of every camera are the frame's: pose_01 of left_pose_01
     numbered = re.compile(r"(.*[^\d_\-. ].*)[_\-. ]+(\d+)")
     matches = [numbered.fullmatch(path.stem) for path in paths]
     split = [match for match in matches if match is not None]
@@ -240,10 +237,8 @@ def _by_pattern(
 
 
 def _expression(pattern: str, camera: str | None) -> str:
-    """Return the regular expression of a pattern, for one camera where it is named.
-
-    Where a camera and a frame touch, the frame takes all digits: ``left12`` is ``left``, ``12``.
-    """
+    """Return the regular expression of a pattern, for one camera where it is named."""
+    # where a camera and a frame touch, the frame takes all digits: left12 is left, 12
     meanings = {
         "{camera}": f"(?P<camera>{'[^/]+' if camera is None else re.escape(camera)})",
         "{frame}": "(?P<frame>[^/]+?)",

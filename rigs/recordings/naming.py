@@ -20,13 +20,6 @@ _Part = tuple[str, str]
 def patterns_of(paths: Iterable[PurePosixPath], cameras: Sequence[str]) -> dict[str, Named]:
     """Return the patterns that paths are named by, and what is where by each.
 
-    Parameters
-    ----------
-    paths : iterable of PurePosixPath
-        Relative to one folder.
-    cameras : sequence of str
-        The cameras' names. A path without one has no pattern.
-
     Returns
     -------
     dict of str to dict
@@ -136,10 +129,7 @@ def _joined(
 
 
 def _pattern(members: list[tuple[list[_Part], PurePosixPath]]) -> tuple[str, Named]:
-    """Return the pattern of paths of the same kinds, and the paths by camera and frame.
-
-    Nothing where two paths are of one frame of one camera.
-    """
+    """Return the pattern of paths of the same kinds, and the paths by camera and frame."""
     kinds = [kind for kind, _ in members[0][0]]
     texts = list(zip(*([text for _, text in parts] for parts, _ in members), strict=True))
     written = [

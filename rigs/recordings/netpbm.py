@@ -22,23 +22,12 @@ def is_netpbm(content: bytes) -> bool:
 
 
 def netpbm_size(content: bytes) -> tuple[int, int]:
-    """Return the width and height that a header claims.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return the width and height that a header claims."""
     return _header(content)[1:3]
 
 
 def read_netpbm(content: bytes) -> Still:
     """Return the image of a PGM or PPM; its full scale is the file's own.
-
-    Raises
-    ------
-    ValueError
-        If the file is damaged or truncated, or claims far more than it holds.
 
     Notes
     -----

@@ -88,20 +88,13 @@ class Recording(Protocol):
         """
 
     def read_channel(self, index: int, channel: str | None) -> NDArray:
-        """Return one channel of a frame, the frame itself for None.
+        """Return one channel of a frame, the frame itself for None; see `read`.
 
         Parameters
         ----------
         index : int
         channel : str or None
             The number of one of `channels`, from 0, or r, g or b of frames in colour.
-
-        Raises
-        ------
-        IndexError
-            See `read`.
-        FrameError
-            If it cannot be decoded, or there is no such channel.
         """
 
 
@@ -124,13 +117,7 @@ def frame_errors(path: Path, index: int) -> Iterator[None]:
 
 
 def needs(package: str, path: Path) -> ModuleType:
-    """Return a package that an extra installs.
-
-    Raises
-    ------
-    ValueError
-        Naming the extra and the line to type, where it is not installed.
-    """
+    """Return a package that an extra installs."""
     try:
         return importlib.import_module(package)
     except ImportError:
@@ -172,13 +159,7 @@ class Reopened:
 
 
 def check_size(path: Path, index: int, image: NDArray, size: tuple[int, int]) -> None:
-    """Raise unless a frame has the size of the first.
-
-    Raises
-    ------
-    FrameError
-        Naming both.
-    """
+    """Raise unless a frame has the size of the first."""
     if image.shape[::-1] != size:
         raise FrameError(
             path,

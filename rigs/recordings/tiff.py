@@ -49,11 +49,6 @@ def tiff_page(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffile
 
     Thumbnails and masks are other pages. They are known by their tag, and thumbnails without one
     by their sides, at most half as long as the image's.
-
-    Raises
-    ------
-    ValueError
-        If the file has no image or several. tifffile raises other exceptions too.
     """
     with opened_tiff(source) as file:
         yield image_page(file)
@@ -70,14 +65,7 @@ def opened_tiff(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffi
 
 
 def read_tiff(content: bytes) -> Still:
-    """Return the image that a file holds.
-
-    Raises
-    ------
-    ValueError
-        If the file has not exactly one image of intensities, is damaged, or claims far more than
-        it holds. tifffile and imagecodecs raise other exceptions too.
-    """
+    """Return the image that a file holds."""
     with tiff_page(content) as page:
         return decoded(page, len(content))
 
@@ -177,10 +165,8 @@ def _check_intensities(page: tifffile.TiffPage) -> None:
 
 
 def _check_segments(page: tifffile.TiffPage, size: int) -> None:
-    """Raise unless a page's strips or tiles are all in a file of ``size`` bytes.
-
-    tifffile leaves black what belongs to a missing one.
-    """
+    """Raise unless a page's strips or tiles are all in a file of ``size`` bytes."""
+    # tifffile leaves black what belongs to a missing one
     offsets, counts = page.dataoffsets, page.databytecounts
     expected = math.prod(page.chunked)
     if not len(offsets) == len(counts) == expected:

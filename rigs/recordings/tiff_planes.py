@@ -95,12 +95,6 @@ def planes_of(file: tifffile.TiffFile) -> Planes:
 
     Descriptions by OME-XML, ImageJ and tifffile are heeded; other files have one channel, and a
     page a frame.
-
-    Raises
-    ------
-    ValueError
-        Naming the page, where one is missing or cut; or if frames differ in more than time and
-        channel.
     """
     count, lost = there = _pages_there(file)
     block = _one_block(file, there)
@@ -152,10 +146,7 @@ def _ordered(said: _Said) -> tuple[NDArray[np.intp], tuple[str, ...]]:
 
 
 def _pages_there(file: tifffile.TiffFile) -> tuple[int, str | None]:
-    """Return how many pages the headers lead to, and where the next one is lost if one is.
-
-    tifffile says that on its log alone.
-    """
+    """Return how many pages the headers lead to, and where the next one is lost if one is."""
     tiff, handle = file.tiff, file.filehandle
     offset = file.pages.first.offset
     seen: dict[int, int] = {}
@@ -178,10 +169,7 @@ def _pages_there(file: tifffile.TiffFile) -> tuple[int, str | None]:
 
 
 def _one_block(file: tifffile.TiffFile, there: tuple[int, str | None]) -> _Said | None:
-    """Return what is said of planes whose values follow those of the only page, else None.
-
-    ImageJ writes files over 4 GB in this way. ``there`` is what `_pages_there` returns.
-    """
+    """Return what is said of planes whose values follow those of the only page, else None."""
     page = file.pages.first
     if page.is_ome or not page.is_contiguous or there != (1, None):
         return None
@@ -233,10 +221,7 @@ def _said_by_tifffile(page: tifffile.TiffPage) -> _Said | None:
 
 
 def _said_by_ome(page: tifffile.TiffPage) -> _Said:
-    """Return axes, lengths and places of planes in OME-XML.
-
-    A file may be one of several with the same text: planes of other files are no planes of it.
-    """
+    """Return axes, lengths and places of planes in OME-XML."""
     root = parse_xml(page.description, "OME-XML")
     images = [one for one in root.iter() if _tag(one) == "Pixels"]
     here = [one for one in images if _blocks_here(one, root.get("UUID")) is not None]

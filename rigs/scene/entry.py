@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from rigs.files.inside import path_inside
 from rigs.files.schema import SceneEntry, SolidEntry
+from rigs.files.size_guard import path_inside
 from rigs.files.units import metres
 from rigs.geometry.rotation import numbers, rotation
 from rigs.scene.gas import read_gas

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.inside import path_inside
+from rigs.files.size_guard import path_inside
 
 _ASKEW = 1e-6  # of a step, off its world axis; more is 0.001 voxels over 1000, less is rounding
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from rigs import Rig, load_rig
-from rigs.files.inside import path_inside
+from rigs.files.size_guard import path_inside
 from rigs.recordings import RawLayout, split_member
 from tomo.grid import VoxelGrid, grid_of_rig
 from tomo.scan._schema import parse_scan_file

@@ -23,7 +23,7 @@ if __name__ == "__main__":
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 from rigs.files import atomic_path  # noqa: E402
-from rigs.files.json_file import write_json  # noqa: E402
+from rigs.files.text import write_json  # noqa: E402
 from studies.common.fingerprint import hash_of  # noqa: E402
 from studies.common.page import markdown  # noqa: E402
 

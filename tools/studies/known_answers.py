@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 if __name__ == "__main__":
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
-from rigs.files.json_file import plain, write_json  # noqa: E402
+from rigs.files.text import plain, write_json  # noqa: E402
 from studies.common.page import said  # noqa: E402
 from studies.common.scans import reconstructed  # noqa: E402
 from studies.scenes.findings import findings_of, verdict_of  # noqa: E402

@@ -9,7 +9,7 @@ from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import Scene, rays_by_camera
 from rigs.calibrate.quality.covariance import root_of
 from rigs.figures import Accuracy
-from rigs.files.json_file import plain
+from rigs.files.text import plain
 
 _POINTS = 100  # of the volume; six motions need far fewer, more take time
 _APART = 1e-3  # least ratio of singular values at which motions differ

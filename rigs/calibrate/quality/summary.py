@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rigs.files.json_file import plain
+from rigs.files.text import plain
 from rigs.scene.scene_camera import own_camera
 
 if TYPE_CHECKING:

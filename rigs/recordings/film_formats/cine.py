@@ -57,15 +57,6 @@ class Cine(Reopened):
     Times are from the trigger on. Frames packed in 10 bits are made linear, in 12 bits, by the
     table of the format.
 
-    Parameters
-    ----------
-    path : path-like
-
-    Raises
-    ------
-    ValueError
-        If the file is damaged, or holds colour images or JPEG.
-
     Notes
     -----
     The layout is that of "Cine File Format" by Vision Research. Rows of frames that are not

@@ -32,18 +32,6 @@ class Hdf5Film(ArrayFilm):
 
     Times are the data set that NeXus calls the first of the group's ``axes``, where it has a unit
     of time.
-
-    Parameters
-    ----------
-    path : path-like
-    member : str, optional
-        The data set's name; needed where the file has more than one film.
-
-    Raises
-    ------
-    ValueError
-        If the file has no such data set of numbers, the name does not say which, or it leads out
-        of the file's folder.
     """
 
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
@@ -168,11 +156,6 @@ def _is_film(one: h5py.Dataset) -> bool:
 
 def check_heaps(path: str | os.PathLike) -> None:
     """Raise where a collection of texts at either end of a file cannot be walked through.
-
-    Raises
-    ------
-    ValueError
-        Naming the place.
 
     Notes
     -----

@@ -35,17 +35,8 @@ class Im7(Reopened):
 
     A file holds the frames of one moment, of all cameras: frames are numbered through the first
     file, then the second. With four frames a file, ``first: 1`` and ``step: 4`` are those of the
-    second camera of single exposures.
-
-    Parameters
-    ----------
-    path : path-like
-        A file, or a folder of files in the order of the numbers in their names.
-
-    Raises
-    ------
-    ValueError
-        If there is no file, or it holds no grey images.
+    second camera of single exposures. A folder's files are in the order of the numbers in their
+    names.
 
     Notes
     -----
@@ -171,10 +162,8 @@ def _frames(path: Path, size: tuple[int, int], each: int, kind: str, packing: in
 
 
 def _of_words(packed: NDArray[np.uint8], rows: tuple[int, int]) -> tuple[NDArray, bool]:
-    """Return pixels of 12 bits, four in three words of 16, and whether there are enough.
-
-    The last pixels of a row that are fewer than four are words of their own.
-    """
+    """Return pixels of 12 bits, four in three words of 16, and whether there are enough."""
+    # the last pixels of a row that are fewer than four are words of their own
     width, count = rows
     words_of_groups, rest = 3 * (width // 4), width % 4
     needed = 2 * count * (words_of_groups + rest)
@@ -195,12 +184,10 @@ def _of_words(packed: NDArray[np.uint8], rows: tuple[int, int]) -> tuple[NDArray
 
 @compiled
 def _summed(data, count):
-    """Return pixels from differences, and whether there are enough of them.
-
-    A byte is a difference to the pixel before. Byte -128: a pixel of two bytes follows; 127: so
-    many of them as the next byte says; -127: from here on a nibble is a difference, until a low
-    nibble is 8.
-    """
+    """Return pixels from differences, and whether there are enough of them."""
+    # A byte is a difference to the pixel before. Byte -128: a pixel of two bytes follows; 127: so
+    # many of them as the next byte says; -127: from here on a nibble is a difference, until a low
+    # nibble is 8.
     image = np.zeros(count, np.uint16)
     at, last, wide, nibbles, byte, is_low = 0, 0, 0, False, 0, False
     for place in range(count):

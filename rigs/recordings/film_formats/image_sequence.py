@@ -14,19 +14,7 @@ from rigs.recordings.stills import image_notes, image_size, read_still
 
 
 class ImageSequence(Reopened):
-    """Files of one camera in the order of its frames; see `Recording`.
-
-    Parameters
-    ----------
-    paths : sequence of Path
-    folder : Path
-        Errors about the whole name it.
-
-    Raises
-    ------
-    ValueError
-        If there is no file, or the first is no image.
-    """
+    """Files of one camera in the order of its frames; see `Recording`."""
 
     frame_rate: float | None = None
     timestamps: NDArray[np.float64] | None = None

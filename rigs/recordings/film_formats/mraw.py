@@ -37,16 +37,6 @@ _FIELDS = {
 class Mraw(Reopened):
     """The frames of a Photron film, monochrome, of 8, 10, 12 or 16 bits; see `Recording`.
 
-    Parameters
-    ----------
-    path : path-like
-        The .mraw file, or its .cihx or .cih.
-
-    Raises
-    ------
-    ValueError
-        If the description is missing or damaged, the pixels are colours, or the file is shorter.
-
     Notes
     -----
     Pixels of 16 bits are stored with the low byte first. Those of 12 bits at the high side of 16

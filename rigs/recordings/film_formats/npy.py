@@ -55,15 +55,6 @@ class NpyFilm(ArrayFilm):
     """An array ``(frames, height, width)`` in a .npy file, mapped and never loaded whole.
 
     See `Recording`.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Raises
-    ------
-    ValueError
-        If the file holds no such array of numbers, or Python objects.
     """
 
     def __init__(self, path: str | os.PathLike) -> None:
@@ -76,13 +67,7 @@ class NpyFilm(ArrayFilm):
 
 
 def film_shape(shape: tuple[int, ...], dtype: np.dtype) -> tuple[int, tuple[int, int], int | None]:
-    """Return the number of frames, image size and bits of an array that is a film.
-
-    Raises
-    ------
-    ValueError
-        If it is none.
-    """
+    """Return the number of frames, image size and bits of an array that is a film."""
     if not isinstance(dtype, np.dtype) or dtype.names or dtype.kind not in "iuf":
         raise ValueError(f"found elements {dtype}, expected integers or floating point")
     if len(shape) != 3 or 0 in shape:

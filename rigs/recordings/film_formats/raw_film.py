@@ -35,11 +35,6 @@ def read_part(path: str | os.PathLike, start: int, size: int) -> bytes:
     """Return ``size`` bytes of a file from ``start`` on.
 
     The file is opened each time: any thread may read, and nothing is left open.
-
-    Raises
-    ------
-    ValueError
-        If the file ends before.
     """
     with open(path, "rb") as file:
         held = file.seek(0, os.SEEK_END)
@@ -55,11 +50,6 @@ def pixels_of(
     """Return the image ``(height, width)`` in the bytes of its rows, the first row first.
 
     Pixels of 10 and 12 bits become uint16.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer bytes.
     """
     width, height = size
     count = width * height
@@ -147,18 +137,7 @@ class RawLayout:
 
 
 class RawFilm(Reopened):
-    """The frames in a binary file; see `Recording`.
-
-    Parameters
-    ----------
-    path : path-like
-    layout : RawLayout
-
-    Raises
-    ------
-    ValueError
-        If the file does not end with a frame, or with the gap after one.
-    """
+    """The frames in a binary file; see `Recording`."""
 
     frame_rate: float | None = None
     timestamps: NDArray[np.float64] | None = None

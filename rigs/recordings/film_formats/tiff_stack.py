@@ -23,17 +23,7 @@ if TYPE_CHECKING:
 
 
 class TiffStack(Reopened):
-    """The pages of a TIFF or BigTIFF file; see `Recording`.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Raises
-    ------
-    ValueError
-        If the file is no TIFF, has no page, or lacks pages that it says it has.
-    """
+    """The pages of a TIFF or BigTIFF file; see `Recording`."""
 
     frame_rate: float | None = None
     timestamps: NDArray[np.float64] | None = None

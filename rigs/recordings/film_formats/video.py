@@ -43,15 +43,6 @@ class Video(Reopened):
     every picture when it is shown: MP4, QuickTime, Matroska, WebM, and any file of pictures that
     all stand for themselves. Other files, such as AVI with pictures that depend on later ones, are
     decoded from their beginning, and have no times.
-
-    Parameters
-    ----------
-    path : path-like
-
-    Raises
-    ------
-    ValueError
-        If the file cannot be decoded, or ends long before the last picture that it states.
     """
 
     def __init__(self, path: str | os.PathLike) -> None:
@@ -132,10 +123,7 @@ class Video(Reopened):
         return file
 
     def _indexed(self) -> tuple[int, NDArray[np.float64] | None]:
-        """Return how many pictures there are, and when each is shown, in seconds.
-
-        Also keep the places of those that depend on no other, where times tell pictures apart.
-        """
+        """Return how many pictures there are, and when each is shown, in seconds."""
         packets = []
         with self._opened() as file:
             stream = file.streams.video[0]

@@ -23,18 +23,6 @@ class ZarrFilm(ArrayFilm):
 
     Times are the array of the group that is named as the first dimension, where it has a unit of
     time, as xarray writes it.
-
-    Parameters
-    ----------
-    path : path-like
-        The folder of an array or of a group.
-    member : str, optional
-        The array's name in the group; needed where the group has more than one film.
-
-    Raises
-    ------
-    ValueError
-        If there is no such array of numbers, or the name does not say which.
     """
 
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:

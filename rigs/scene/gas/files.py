@@ -11,8 +11,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.inside import path_inside
-from rigs.files.size_guard import read_arrays
+from rigs.files.size_guard import path_inside, read_arrays
 from rigs.files.text import write_bytes
 from rigs.scene.gas.extinction_volume import ExtinctionVolume
 from rigs.scene.gas.gas import Gas

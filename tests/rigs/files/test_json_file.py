@@ -3,7 +3,7 @@ import math
 
 import numpy as np
 
-from rigs.files.json_file import plain, write_json
+from rigs.files.text import plain, write_json
 
 
 def test_plain_data_are_what_json_holds(tmp_path):

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rigs import Camera, Distortion, Rig, look_at
+from rigs import Camera, Distortion, Rig, formats, look_at
 
 sys.path.append(str(Path(__file__).parent))  # the tests import `lens_formulas`
 
@@ -96,3 +96,17 @@ def mutated():
         return data
 
     return change
+
+
+@pytest.fixture(scope="session")
+def refused_as():
+    """Return a function: loading, by the further arguments, ends in one line on a file."""
+
+    def check(file, message, *arguments, **options):
+        with pytest.raises(ValueError) as caught:  # noqa: PT011
+            formats.load(*arguments, **options)
+        assert str(caught.value).startswith(f"{file}: ")
+        assert message in str(caught.value)
+        assert "\n" not in str(caught.value)
+
+    return check

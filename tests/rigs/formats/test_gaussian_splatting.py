@@ -1,7 +1,6 @@
 """3-D Gaussian splatting's cameras, written here as ``camera_to_JSON`` does."""
 
 import json
-import re
 
 import numpy as np
 import pytest
@@ -69,11 +68,7 @@ def test_moments_of_fixed_cameras(make_rig, tmp_path):
 @pytest.mark.parametrize(
     ("path", "value", "message"),
     [
-        (
-            (0, "cx"),
-            320.0,
-            "camera cam0: cx: found 320.0, expected none, as the format has no lens",
-        ),
+        ((0, "cx"), 320.0, "camera cam0: cx: found 320.0, expected none, as the format has no le"),
         ((0, "k1"), 0.1, "camera cam0: k1: found 0.1, expected none"),
         ((0, "rotation"), [[1]], "camera cam0: rotation: found [[1]], expected 3 x 3"),
         ((0, "position"), None, "camera cam0: position: missing"),
@@ -82,7 +77,6 @@ def test_moments_of_fixed_cameras(make_rig, tmp_path):
         ((1,), 3, "[1]: entry: found 3, expected a mapping"),
     ],
 )
-def test_what_is_wrong_is_named(make_rig, mutated, tmp_path, path, value, message):
+def test_what_is_wrong_is_named(refused_as, make_rig, mutated, tmp_path, path, value, message):
     file = write(tmp_path, mutated(entries(make_rig("none", "none")), path, value))
-    with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        formats.load(file)
+    refused_as(file, message, file)

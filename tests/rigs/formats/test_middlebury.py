@@ -1,5 +1,3 @@
-import re
-
 import cv2
 import numpy as np
 import pytest
@@ -59,19 +57,13 @@ def test_the_size_is_asked_for_where_no_image_is(par):
     [
         (lambda t: t.replace("3\n", "4\n", 1), "number of images: found '4' and 3 lines"),
         (lambda t: t + " 7", "camera thing2: found 22 values, expected 21"),
-        (
-            lambda t: t.replace("3325.5", "x", 1),
-            "camera thing0: k22: found 'x', expected a finite",
-        ),
+        (lambda t: t.replace("3325.5", "x", 1), "camera thing0: k22: found 'x', expected a finit"),
         (lambda t: t.replace("3325.5", "-1", 1), "camera thing0: camera_matrix: found focal"),
     ],
 )
-def test_what_is_wrong_is_named(par, edit, message):
+def test_what_is_wrong_is_named(refused_as, par, edit, message):
     par.write_text(edit(par.read_text()))
-    with pytest.raises(ValueError, match=re.escape(message)) as error:
-        formats.load(par, "middlebury")
-    assert str(error.value).startswith(f"{par}: {message}")
-    assert "\n" not in str(error.value)
+    refused_as(par, message, par, "middlebury")
 
 
 def test_the_real_set(test_data):

@@ -76,11 +76,7 @@ def test_models_of_older_files(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "OPENCV5",
-            "CAHVOR",
-            "lensmodel: found 'LENSMODEL_CAHVOR', expected one of LENSMODEL_PIN",
-        ),
+        ("OPENCV5", "CAHVOR", "lensmodel: found 'LENSMODEL_CAHVOR', expected one of LENSMODEL_PI"),
         ("OPENCV5", "SPLINED_STEREOGRAPHIC_order=3", "lensmodel: found 'LENSMODEL_SPLINED"),
         ("OPENCV5", "OPENCV8", "intrinsics: found [812.5, "),
         ("'extrinsics'", "'poses'", "extrinsics: missing"),

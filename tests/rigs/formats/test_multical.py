@@ -1,7 +1,6 @@
 """Multical's files, written here by its documented layout."""
 
 import json
-import re
 
 import pytest
 
@@ -45,11 +44,7 @@ def test_multical(make_rig, assert_same_views, tmp_path, master):
         (("camera_poses",), None, "camera_poses: missing"),
         (("camera_poses", "cam1"), None, "camera cam1: camera_poses: missing"),
         (("camera_poses", "cam1", "R"), None, "camera cam1: R: missing"),
-        (
-            ("cameras", "cam0", "model"),
-            "omni",
-            "camera cam0: model: found 'omni', expected one of",
-        ),
+        (("cameras", "cam0", "model"), "omni", "camera cam0: model: found 'omni', expected one o"),
         (("cameras", "cam0", "K"), [[1]], "camera cam0: K: found [[1]], expected 3 x 3"),
         (("cameras", "cam0", "dist"), [1, 2], "camera cam0: dist: found 2 coefficients"),
         (("cameras", "cam0", "image_size"), [0, 1], "camera cam0: image_size: found 0.0"),
@@ -57,9 +52,8 @@ def test_multical(make_rig, assert_same_views, tmp_path, master):
     ],
 )
 def test_what_is_wrong_in_multicals_files_is_named(
-    make_rig, mutated, tmp_path, path, value, message
+    refused_as, make_rig, mutated, tmp_path, path, value, message
 ):
     file = tmp_path / "calibration.json"
     file.write_text(json.dumps(mutated(multical_data(make_rig("brown", "none")), path, value)))
-    with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        formats.load(file, "multical")
+    refused_as(file, message, file, "multical")

@@ -103,8 +103,7 @@ def test_myptv_with_a_correction_is_a_table_of_rays(tmp_path):
         ("cam1\n", "", "camera 139.809 36.919 525.175: found 7 lines, expected 8"),
     ],
 )
-def test_what_is_wrong_in_myptvs_files_is_named(tmp_path, old, new, message):
+def test_what_is_wrong_in_myptvs_files_is_named(refused_as, tmp_path, old, new, message):
     file = tmp_path / "cam1"
     file.write_text(myptv_text(MYPTV).replace(old, new))
-    with pytest.raises(ValueError, match=re.escape(f"{file}: {message}")):
-        formats.load(file, "myptv", image_size=(1280, 1024))
+    refused_as(file, message, file, "myptv", image_size=(1280, 1024))

@@ -1,5 +1,4 @@
 import json
-import re
 
 import cv2
 import numpy as np
@@ -233,13 +232,6 @@ def test_unknown_keys_are_named(tmp_path, name, text):
         formats.load(path)
 
 
-def test_a_storage_may_not_expand(tmp_path):
-    path = tmp_path / "a.xml"
-    path.write_text("<!DOCTYPE a [<!ENTITY b 'b'>]><opencv_storage><K>&b;</K></opencv_storage>")
-    with pytest.raises(ValueError, match="found an XML entity declaration"):
-        formats.load(path)
-
-
 def test_half_a_stereo_pair_is_refused(tmp_path):
     path = tmp_path / "intrinsics.yml"
     path.write_text("%YAML:1.0\n---\nM1: [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n")
@@ -263,14 +255,11 @@ def test_half_a_stereo_pair_is_refused(tmp_path):
         (("camera_matrix", "R: [0, 0, 1]\ncamera_matrix"), "camera left: T: missing"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path, edit, message):
+def test_what_is_wrong_is_named(refused_as, tmp_path, edit, message):
     assert edit[0] in SAMPLE
     path = tmp_path / "left.yml"
     path.write_text(SAMPLE.replace(*edit))
-    with pytest.raises(ValueError, match=re.escape(message)) as error:
-        formats.load(path, "opencv")
-    assert str(error.value).startswith(f"{path}: ")
-    assert "\n" not in str(error.value)
+    refused_as(path, message, path, "opencv")
 
 
 def test_poses_are_all_there_or_none_is(make_rig, tmp_path):

@@ -107,14 +107,14 @@ INDICES, THICKNESS = (1.0, 1.46, 1.33), 6.0  # of air, glass and water
 #: Pixels of `SEEN_POINTS` by optv 0.3.2 behind that glass, its vectors (0, 0, 50) and (5, 3, 60).
 SEEN_BEHIND = {
     (0.0, 0.0, 50.0): [
-        [182.80227931529163, 213.96490589907654],
-        [116.73621761968025, 141.9976380315915],
-        [163.85330121630395, 173.32560433442342],
+        [182.802279, 213.964906],
+        [116.736218, 141.997638],
+        [163.853301, 173.325604],
     ],
     (5.0, 3.0, 60.0): [
-        [184.62278058035847, 212.9836753823708],
-        [118.8472021268338, 140.35010264267197],
-        [165.8232861180346, 172.04130038720115],
+        [184.622781, 212.983675],
+        [118.847202, 140.350103],
+        [165.823286, 172.041300],
     ],
 }
 
@@ -188,11 +188,11 @@ def test_glass_that_does_not_bend_is_none(tmp_path):
         ((0.0, 0.0, 50.0), (1, 0, 1.33), "parameters/ptv.par", "n1, n2, n3: found [1.0, 0.0"),
     ],
 )
-def test_what_is_wrong_with_the_glass_is_named(tmp_path, glass, indices, file, message):
+def test_what_is_wrong_with_the_glass_is_named(
+    refused_as, tmp_path, glass, indices, file, message
+):
     write_behind(tmp_path, glass, indices)
-    with pytest.raises(ValueError, match=re.escape(message)) as error:
-        formats.load(tmp_path)
-    assert str(error.value).startswith(f"{tmp_path / file}: {message}")
+    refused_as(tmp_path / file, message, tmp_path)
 
 
 def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
@@ -220,21 +220,9 @@ def test_what_is_wrong_in_openptvs_files_is_named(tmp_path):
 #: Pixels of `SEEN_POINTS` by optv 0.3.2's ``image_coordinates``: of `OPENPTV` with scx = 1, and of
 #: its first camera with xh, yh = 0.3, -0.2.
 SEEN = [
-    [
-        [181.7243564820233, 207.04157964841335],
-        [118.72402306832497, 136.13660135560707],
-        [163.6256061708083, 166.99914318466654],
-    ],
-    [
-        [167.6132868979302, 109.6801382195703],
-        [252.6449687178416, 184.46589237508852],
-        [192.87594336481527, 152.80173838896314],
-    ],
-    [
-        [187.91782260764415, 210.94149736316086],
-        [124.95793509078658, 140.13391683686197],
-        [169.87176983129498, 170.97772106929762],
-    ],
+    [[181.724356, 207.041580], [118.724023, 136.136601], [163.625606, 166.999143]],
+    [[167.613287, 109.680138], [252.644969, 184.465892], [192.875943, 152.801738]],
+    [[187.917823, 210.941497], [124.957935, 140.133917], [169.871770, 170.977721]],
 ]
 
 
@@ -244,7 +232,7 @@ def test_points_appear_where_openptvs_own_library_puts_them(tmp_path):
     cameras = [(exterior, interior, lens), second, (exterior, [0.3, -0.2, 60.0], lens)]
     rig = formats.load(write_openptv(tmp_path, cameras, SMALL, COARSE))
     for camera, expected in zip(rig, SEEN, strict=True):
-        near = 1e-6 if camera.has_lens_model else 2e-4  # between the rays of a table
+        near = 2e-6 if camera.has_lens_model else 2e-4  # between the rays of a table
         uv, _, valid = camera.project(SEEN_POINTS)
         assert valid.all()
         np.testing.assert_allclose(uv + 0.5, expected, rtol=0, atol=near)
@@ -344,23 +332,17 @@ def test_the_yaml_of_pyptv(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        (
-            "num_cams: 2",
-            "num_cams: 3",
-            "ptv: img_cal: found ['cal/cam1.tif', 'cal/cam2.tif'], exp",
-        ),
+        ("num_cams: 2", "num_cams: 3", "ptv: img_cal: found ['cal/cam1.tif', 'cal/cam2.tif'], ex"),
         ("cal/cam1.tif", "7", "ptv: img_cal: found [7, 'cal/cam2.tif'], expected names of images"),
         ("cal/cam1.tif", "../cam1.tif", "calibration image: found '../cam1.tif', expected a path"),
         ("  imx: 1280\n", "", "ptv: imx: missing, expected it in the file"),
         ("mmp_d: 6.0", "mmp_d: -1", "d: found -1.0, expected a thickness >= 0"),
     ],
 )
-def test_what_is_wrong_in_the_yaml_is_named(tmp_path, old, new, message):
+def test_what_is_wrong_in_the_yaml_is_named(refused_as, tmp_path, old, new, message):
     file = tmp_path / "parameters_Run1.yaml"
     file.write_text(yaml_of().replace(old, new))
-    with pytest.raises(ValueError, match=re.escape(message)) as error:
-        formats.load(file)
-    assert str(error.value).startswith(f"{file}: {message}")
+    refused_as(file, message, file)
 
 
 def test_orientations_without_parameters_say_what_lacks(tmp_path):

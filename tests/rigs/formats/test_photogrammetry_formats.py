@@ -1,7 +1,6 @@
 """Exports of photogrammetry and of splatting programs, by their published definitions."""
 
 import json
-import re
 
 import cv2
 import numpy as np
@@ -278,10 +277,9 @@ SCENE = json.dumps(opensfm())
         ("c.csv", realitycapture()[0], "170.3,", "", "found a line of 15 values, expected 16"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named(tmp_path, name, content, old, new, message):
+def test_what_is_wrong_is_named(refused_as, tmp_path, name, content, old, new, message):
     path = tmp_path / name
     assert old in content
     path.write_text(content.replace(old, new))
     size = (640, 480) if name == "c.csv" else None
-    with pytest.raises(ValueError, match=re.escape(f"{path}: {message}")):
-        formats.load(path, image_size=size)
+    refused_as(path, message, path, image_size=size)

@@ -6,8 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 
 from rigs import formats, look_at
 from rigs.formats.transforms import load_transforms, save_transforms
@@ -276,7 +274,7 @@ def test_one_camera_has_one_set_of_parameters(tmp_path):
     ("content", "message"),
     [
         (b"", "empty file"),
-        (b"{", "broken JSON at line 1"),
+        (b"{", "broken JSON: .* line 1"),
         (b"3", "found 3, expected a JSON object"),
         (b"{}", "frames: found nothing, expected a list"),
         (b'{"frames": []}', "frames: found"),
@@ -292,44 +290,6 @@ def test_files_that_are_none(content, message, tmp_path):
     with pytest.raises(ValueError, match=message) as caught:
         load_transforms(path)
     assert str(caught.value).startswith(f"{path}: ")
-
-
-JUNK = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(max_size=5),
-    lambda inner: st.lists(inner, max_size=4) | st.dictionaries(st.text(max_size=5), inner),
-    max_leaves=6,
-)
-
-
-@given(
-    field=st.sampled_from(
-        [
-            "w",
-            "h",
-            "fl_x",
-            "cx",
-            "k1",
-            "file_path",
-            "camera",
-            "transform_matrix",
-            "camera_model",
-            "camera_angle_x",
-        ]
-    ),
-    junk=JUNK,
-    own=st.booleans(),
-)
-@settings(
-    max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
-def test_junk_loads_or_gives_an_error_that_names_the_file(field, junk, own, tmp_path):
-    data = {**INTRINSICS, "frames": [entry("a/0.png"), entry("b/0.png", (5, 0, 0))]}
-    (data["frames"][1] if own else data)[field] = junk
-    path = write(tmp_path, data)
-    try:
-        load_transforms(path)
-    except ValueError as error:
-        check_message(error, path)
 
 
 def test_a_real_plume():

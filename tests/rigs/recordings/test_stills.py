@@ -80,14 +80,6 @@ def test_one_bit_is_black_and_white_in_every_format(reading, tmp_path):
     np.testing.assert_array_equal(read_image(tmp_path / "a.tif"), mask)
 
 
-@pytest.mark.parametrize("orientation", [3, 4, 6])
-def test_row_0_is_first_whatever_the_orientation_tag_says(reading, tmp_path, orientation):
-    tag = [(274, "H", 1, orientation, True)]
-    tifffile.imwrite(tmp_path / "a.tif", GREY, photometric="minisblack", extratags=tag)
-    np.testing.assert_array_equal(read_pixels(tmp_path / "a.tif"), GREY)
-    assert image_size(tmp_path / "a.tif") == (9, 7)
-
-
 def test_colour_planes_of_a_tiff_become_channels(tmp_path):
     planes = np.moveaxis(COLOUR, -1, 0)
     tifffile.imwrite(tmp_path / "a.tif", planes, photometric="rgb", planarconfig="separate")

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path, PurePosixPath
 
 from rigs import Rig
-from rigs.files.inside import path_inside
+from rigs.files.size_guard import path_inside
 from rigs.recordings import find_images, image_size, is_film
 from rigs.recordings.layout import natural
 from rigs.recordings.naming import Named, patterns_of

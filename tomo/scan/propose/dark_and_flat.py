@@ -8,7 +8,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from rigs import Rig
-from rigs.files.inside import path_inside
+from rigs.files.size_guard import path_inside
 from rigs.recordings.layout import common_start
 from rigs.recordings.naming import Named, patterns_of
 from tomo.scan.films import FilmFrame

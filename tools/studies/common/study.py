@@ -149,7 +149,7 @@ def _measure(
 ) -> int:
     """Run the parts that are wanted and not there yet; return how many rows do not hold."""
     from rigs.files import atomic_path
-    from rigs.files.json_file import plain, write_json
+    from rigs.files.text import plain, write_json
     from studies.common.machine import load
     from studies.common.page import page
 

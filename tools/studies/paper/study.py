@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from rigs.files import atomic_path
-from rigs.files.json_file import plain, write_json
+from rigs.files.text import plain, write_json
 from rigs.progress import progress_of
 from studies.common.page import markdown, significant
 from studies.common.results import fresh_run, kept_run

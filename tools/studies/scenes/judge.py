@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from rigs.files.json_file import plain, write_json
+from rigs.files.text import plain, write_json
 from studies.common.study import Progress
 from studies.scenes.design import everything, sample
 from studies.scenes.faults import FAULTS

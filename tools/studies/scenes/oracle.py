@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.json_file import write_json
+from rigs.files.text import write_json
 from studies.benchmark.classic import Candidate, in_linear_basis
 from studies.benchmark.convergence import converged
 from studies.common.problems import Problem, problem

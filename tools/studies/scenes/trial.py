@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from rigs.files.json_file import plain, write_json
+from rigs.files.text import plain, write_json
 from studies.common.scans import seconds_of
 from studies.common.study import Progress
 from studies.scenes.inside import inside
