@@ -24,16 +24,7 @@ LARGEST_CHUNK = 1 << 30
 
 @dataclass(frozen=True, eq=False)
 class Frames:
-    """Frames of a store.
-
-    Attributes
-    ----------
-    store : SeriesStore
-    places : tuple of int
-        Their places in the store.
-    progress : callable, optional
-        ``progress(done, total, where)``.
-    """
+    """Frames of a store."""
 
     store: SeriesStore
     places: tuple[int, ...]

@@ -26,15 +26,7 @@ _LENGTHS = {
 
 
 def write_ome_zarr(frames: Frames, target: Path) -> None:
-    """Write the frames as an image ``(t, z, y, x)``, a chunk a frame.
-
-    Raises
-    ------
-    ValueError
-        If frames are not evenly spaced in time: an axis has one step.
-    FileExistsError
-        If there is something at ``target``.
-    """
+    """Write the frames as an image ``(t, z, y, x)``, a chunk a frame."""
     if target.exists():
         raise FileExistsError(f"{target}: is there already, expected the name of a new store")
     store, grid = frames.store, frames.store.grid

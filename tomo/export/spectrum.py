@@ -21,15 +21,7 @@ from tomo.io.volume_film import create_array
 
 
 def write_statistics(frames: Frames, target: Path) -> None:
-    """Write ``mean`` and ``rms`` of the frames into a Zarr group that xarray reads.
-
-    Raises
-    ------
-    ValueError
-        If there is one frame alone.
-    FileExistsError
-        If there is something at ``target``.
-    """
+    """Write ``mean`` and ``rms`` of the frames into a Zarr group that xarray reads."""
     if len(frames) < 2:
         raise ValueError(
             f"{frames.store.path}: frames: found 1, expected 2 or more for statistics"
@@ -86,13 +78,6 @@ UNEVEN = 1e-3
 
 def write_spectrum(frames: Frames, target: Path) -> None:
     """Write ``power`` ``(frequency, x, y, z)`` into a Zarr group that xarray reads.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer than 4 frames, or their times are not even.
-    FileExistsError
-        If there is something at ``target``.
 
     Notes
     -----

@@ -28,11 +28,6 @@ def in_order(
         Row i is the way from a voxel to the next one along axis i of ``data``.
     field : str
         The file's name of them, for the error.
-
-    Raises
-    ------
-    ValueError
-        If an axis is not along a world axis, or two are along one.
     """
     steps = np.asarray(steps, np.float64)
     found = f"{field}: found {steps.tolist()}, expected axes along x, y and z"
@@ -53,13 +48,7 @@ def in_order(
 
 
 def content_beside(header: Path, name: object, field: str) -> bytes:
-    """Return the content of the file that a field of a header names.
-
-    Raises
-    ------
-    ValueError
-        If it names a list or a series of files, leaves the header's folder, or is not there.
-    """
+    """Return the content of the file that a field of a header names."""
     text = name if isinstance(name, str) else ""
     if not text or text.upper().startswith("LIST") or "%" in text:
         raise ValueError(f"{field}: found {str(name)[:60]!r}, expected the name of one file")

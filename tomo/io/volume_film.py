@@ -89,13 +89,6 @@ def reading_chunk(file: Path, words: str, *, needed: bool = True) -> Iterator[No
         What it holds, such as ``"frame 3"``.
     needed : bool
         Whether a missing file is damage; else it stands for values that were never written.
-
-    Raises
-    ------
-    ValueError
-        If the chunk is missing, empty, truncated or has other bits than were written.
-    OSError
-        If the disk cannot read it.
     """
     try:
         if file.is_file() and not file.stat().st_size:

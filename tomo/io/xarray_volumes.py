@@ -19,13 +19,7 @@ if TYPE_CHECKING:
 
 
 def xarray_or_pip_line() -> ModuleType:
-    """Return the module xarray.
-
-    Raises
-    ------
-    ValueError
-        If it is not installed; the line says how to install it.
-    """
+    """Return the module xarray."""
     try:
         import xarray
     except ImportError:

@@ -125,8 +125,6 @@ class PixelCheck:
     ----------
     masks : tuple of (height, width) bool
         One a camera: True where a pixel is usable and no outlier.
-    noise : tuple of NoiseModel
-        One a camera.
     outliers, usable : mapping of str to int
         Camera to its number of outlier pixels, and of pixels that were usable.
     below_zero : mapping of str to float
@@ -160,16 +158,7 @@ def check_pixels(
     images: Sequence[NDArray[np.float32]],
     masks: Sequence[NDArray[np.bool_]],
 ) -> PixelCheck:
-    """Find outlier pixels, saturation, and dark levels that are not zero, each image by itself.
-
-    Parameters
-    ----------
-    names : sequence of str
-        The cameras'.
-    images : sequence of (height, width) float32
-    masks : sequence of (height, width) bool
-        True where a pixel is usable.
-    """
+    """Find outlier pixels, saturation, and dark levels that are not zero, each image by itself."""
     noise = tuple(estimate_noise(i, m) for i, m in zip(images, masks, strict=True))
     outliers = [find_outlier_pixels(i, m, n) for i, m, n in zip(images, masks, noise, strict=True)]
     clean = [m & ~o for m, o in zip(masks, outliers, strict=True)]

@@ -27,15 +27,11 @@ class Answer:
 
     Attributes
     ----------
-    verdict : str
-        One of `VERDICTS`.
     worst : View, optional
         The view that is explained least; None where no image is known or all are dark. The
         sentence does not name it where it is not explained: wrong voxels miss some view most.
     views : int
         How many took part.
-    excluded : tuple of str
-        The cameras that were left out.
     missed : float
         Root mean square over the views of their residuals beyond noise, each relative to its view.
     preview : str

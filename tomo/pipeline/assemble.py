@@ -57,17 +57,7 @@ class Stages:
 def assemble(
     stages: Stages, options: Options, *, first_use: float, seconds: float
 ) -> Reconstruction:
-    """Return the reconstruction of all stages.
-
-    Parameters
-    ----------
-    stages : Stages
-    options : Options
-    first_use : float
-        Seconds of compiling or loading kernels before the stages.
-    seconds : float
-        Wall time of the whole reconstruction.
-    """
+    """Return the reconstruction of all stages."""
     scan, grid = stages.load.scan, stages.solve.built.system.projector.grid
     ready, built, evaluated = stages.ready, stages.solve.built, stages.evaluate
     screened, registered = ready.screened, ready.registered

@@ -25,11 +25,8 @@ class Assessed:
 
     Attributes
     ----------
-    uncertainty : Assessment, optional
-        None where it could not be found.
     unseen : (nx, ny, nz) bool
         True where no usable ray of any camera crosses the voxel.
-    record : Record
     """
 
     uncertainty: Assessment | None

@@ -38,13 +38,7 @@ by their own neighbours, larger ones show what the other views leave open more t
 
 @dataclass(frozen=True)
 class Basis:
-    """The voxel basis or the linear basis, and why.
-
-    Attributes
-    ----------
-    name : str
-    reason : str
-    """
+    """The voxel basis or the linear basis, and why."""
 
     name: str
     reason: str
@@ -85,15 +79,7 @@ def in_basis(
 def linear_where_possible(
     system: LinearSystem, supersample: int = 1, variances: Sequence[float] | None = None
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system in the linear basis, or in the voxel basis with the reason against it.
-
-    Parameters
-    ----------
-    system : LinearSystem
-        In the voxel basis.
-    supersample : int
-        Rays along each side of a pixel.
-    """
+    """Return the system in the linear basis, or in the voxel basis with the reason against it."""
     against = _reason_of_system(system, supersample)
     if against:
         return system, Basis(VOXEL, against)
@@ -126,22 +112,10 @@ class WeightedSystem:
 
     Attributes
     ----------
-    system : LinearSystem
-        Through the gas that absorbs, where that was corrected.
-    measured : (pixels,) float32
-        Of the images as they were corrected.
     weights : (pixels,) float32, optional
         How much each pixel counts for the default method and what starts from it; None: all alike.
-    weighting : mapping
-        Whether pixels were weighted, and why.
-    basis : Basis
-    absorption : Absorption
-        That of the system.
     choice : Choice, optional
         The default's for just these equations, where it is known already.
-    place : str
-        Where their products are computed, and why.
-    record : Record
     """
 
     system: LinearSystem

@@ -27,13 +27,7 @@ _ALL, _NOMINAL, _NONE = "all", "nominal", "none"
 
 
 def check_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
-    """Refuse options that contradict each other, or that a scan or a grid does not allow.
-
-    Raises
-    ------
-    ValueError
-        One line that names the option, what was found and what was expected.
-    """
+    """Refuse options that contradict each other, or that a scan or a grid does not allow."""
     methods = methods_of(options)
     repeats_of(options)
     if options.frames is not None and options.frame is not None:
@@ -176,13 +170,7 @@ def _check_aperture(options: Options, scan: Scan) -> None:
 
 
 def learning_of(options: Options) -> Learning | None:
-    """Return what the file of ``wernet_settings`` holds, for the method of the reconstruction.
-
-    Raises
-    ------
-    FileNotFoundError, ValueError
-        In one line that names the file and the field, or the option if the method learns nothing.
-    """
+    """Return what the file of ``wernet_settings`` holds, for the method of the reconstruction."""
     from tomo.wernet.settings import Learning
 
     if options.wernet_settings is None:
@@ -212,14 +200,7 @@ def _check_hold_out(options: Options, scan: Scan) -> None:
 
 
 def check_cameras(scan: Scan, grid: VoxelGrid, options: Options) -> list[str]:
-    """Return lines on errors of unit and convention, as ``check-rig`` finds them.
-
-    Raises
-    ------
-    ValueError
-        If all cameras have one, or one stands inside the grid, and `Options.screen` is on: no
-        volume comes of it.
-    """
+    """Return lines on errors of unit and convention, as ``check-rig`` finds them."""
     lines = []
     for error in convention_errors_in(scan.rig, grid):
         everyone = set(error.cameras) >= set(scan.rig.names)

@@ -70,19 +70,7 @@ class CoarseCopy:
         *,
         carving: bool,
     ) -> Self | None:
-        """Return the copy of frames, those that show too little left out; None if all do.
-
-        Parameters
-        ----------
-        frames : sequence of Observation
-            Of the same cameras and usable pixels.
-        levels : (views,) float64
-            What to subtract from each view.
-        factor : int
-            See `factor_of`.
-        carving : bool
-            Whether dark pixels prove voxels empty.
-        """
+        """Return the copy of frames, those that show too little left out; None if all do."""
         single = factor_of(frames[0].rig, frames[0].grid, SEGMENTS // RAYS**2)
         rays = RAYS if factor > 1 or single == 1 else 1
         telling = [one.coarser(factor, rays) for one in frames if _lit_views(one) >= FEWEST_VIEWS]

@@ -45,41 +45,42 @@ class Check:
         return f"expected {self.expected}"
 
 
+def _or_none(
+    convert: Callable[[Any], Any], words: Sequence[str] = (), optional: bool = True
+) -> Callable[[Any], Any]:
+    """Return a conversion that leaves some words as they are, and None where it is optional."""
+
+    def convert_others(value: Any) -> Any:
+        is_word = isinstance(value, str) and value in words
+        return value if is_word or (value is None and optional) else convert(value)
+
+    return convert_others
+
+
 def choice(*words: str) -> Check:
     """Accept one of some words."""
-
-    def convert(value: Any) -> str:
-        if value not in words:
-            raise ValueError
-        return str(value)
-
-    return Check(f"one of {', '.join(words)}", convert, words)
+    return Check(f"one of {', '.join(words)}", lambda value: words[words.index(value)], words)
 
 
 def switch(*, optional: bool = False) -> Check:
     """Accept True and False, and None where it is optional."""
 
-    def convert(value: Any) -> bool | None:
-        if value is None and optional:
-            return None
-        if value not in (True, False):
-            raise ValueError
-        return bool(value)
+    def convert(value: Any) -> bool:
+        return bool((False, True).index(value))
 
-    return Check("True, False or None" if optional else "True or False", convert)
+    expected = "True, False or None" if optional else "True or False"
+    return Check(expected, _or_none(convert, optional=optional))
 
 
-def text(*, optional: bool = False) -> Check:
-    """Accept text that is not empty, and None where it is optional."""
+def text() -> Check:
+    """Accept text that is not empty, and None."""
 
-    def convert(value: Any) -> str | None:
-        if value is None and optional:
-            return None
+    def convert(value: Any) -> str:
         if not isinstance(value, str) or not value:
             raise TypeError
         return value
 
-    return Check("text", convert)
+    return Check("text", _or_none(convert))
 
 
 def device() -> Check:
@@ -94,29 +95,24 @@ def device() -> Check:
 
 def path() -> Check:
     """Accept the path of a file, or None."""
-    return Check(
-        "a path", lambda value: None if value is None else os.fspath(value), metavar="FILE"
-    )
+    return Check("a path", _or_none(os.fspath), metavar="FILE")
 
 
 def names(*, optional: bool = False) -> Check:
     """Accept names in a sequence, or in one text with commas between them."""
 
-    def convert(value: Any) -> tuple[str, ...] | None:
-        if value is None and optional:
-            return None
+    def convert(value: Any) -> tuple[str, ...]:
         parts = [part.strip() for part in value.split(",")] if isinstance(value, str) else value
         if not all(isinstance(part, str) for part in parts):
             raise TypeError
         return tuple(parts)
 
-    return Check("names of cameras", convert)
+    return Check("names of cameras", _or_none(convert, optional=optional))
 
 
 def whole(
     lower: float = -math.inf,
     upper: int | None = None,
-    upper_text: str | None = None,
     *,
     words: tuple[str, ...] = (),
     but: tuple[int, ...] = (),
@@ -125,9 +121,7 @@ def whole(
 ) -> Check:
     """Accept a whole number within bounds, one of some words, and None where it is optional."""
 
-    def convert(value: Any) -> int | str | None:
-        if (value is None and optional) or (isinstance(value, str) and value in words):
-            return value
+    def convert(value: Any) -> int:
         number: Any = value if isinstance(value, Integral) else _whole_float(value)
         if isinstance(value, bool) or number < lower or number in but:
             raise ValueError
@@ -137,8 +131,10 @@ def whole(
 
     bounds = f" >= {lower}" if lower > -math.inf else ""
     if upper is not None:
-        bounds = f" from {lower} to {upper_text or upper}"
-    return Check(expected or f"a whole number{bounds}", convert, metavar="N")
+        bounds = f" from {lower} to {upper}"
+    return Check(
+        expected or f"a whole number{bounds}", _or_none(convert, words, optional), (), "N"
+    )
 
 
 def number(
@@ -150,9 +146,7 @@ def number(
 ) -> Check:
     """Accept a finite number, one of some words, and None where it is optional."""
 
-    def convert(value: Any) -> float | str | None:
-        if (value is None and optional) or (isinstance(value, str) and value in words):
-            return value
+    def convert(value: Any) -> float:
         if isinstance(value, bool) or not isinstance(value, Real | str):
             raise TypeError
         found = float(value)
@@ -162,7 +156,8 @@ def number(
 
     bound = f"a number >= {lower:g}" if lower > -math.inf else "a number"
     bound = f"a number above {above:g}" if above > -math.inf else bound
-    return Check(" or ".join([", ".join(words), bound][not words :]), convert, metavar="X")
+    expected = " or ".join([", ".join(words), bound][not words :])
+    return Check(expected, _or_none(convert, words, optional), (), "X")
 
 
 def comparisons(known: Sequence[str]) -> Check:

@@ -44,7 +44,6 @@ class Reference:
     Attributes
     ----------
     truth : (nx, ny, nz) float32, optional
-    record : Record
     """
 
     truth: NDArray[np.float32] | None
@@ -65,17 +64,12 @@ class Evaluated:
 
     Attributes
     ----------
-    solution : Solution
-    comparisons : tuple of Solution
     views : tuple of View
         One a camera, in the rig's order.
-    peak : Peak
-        For PSNR and SSIM.
     compared : tuple of mappings
         For each comparison, by held-out camera: those of `View.held_out_figures`.
     learned : LearnedWeights, optional
         The learned weights over the segment lengths.
-    record : Record
     """
 
     solution: Solution
@@ -108,13 +102,7 @@ def read_reference(scan: Scan, grid: VoxelGrid, frame: str | None = None) -> Ref
 def trace_apart(
     screened: ScreenedScan, system: LinearSystem, options: Options
 ) -> LinearSystem | None:
-    """Trace the cameras that took no part; before the solve, so that nothing is solved in vain.
-
-    Raises
-    ------
-    VolumeNotSeenError
-        If none of them sees the volume.
-    """
+    """Trace the cameras that took no part; before the solve, so that nothing is solved in vain."""
     if screened.apart is None:
         return None
     try:
@@ -237,18 +225,7 @@ def system_apart(
     volume: NDArray[np.float32] | None,
     options: Options,
 ) -> LinearSystem:
-    """Return the equations of cameras that took no part, as those that were solved.
-
-    Parameters
-    ----------
-    apart : LinearSystem
-        In the voxel basis, in focus, through transparent gas; see `trace_apart`.
-    built : WeightedSystem
-        The equations that were solved.
-    volume : (nx, ny, nz) float32, optional
-        The emission of gas that absorbs its own light.
-    options : Options
-    """
+    """Return the equations of cameras that took no part, as those that were solved."""
     if options.blur:
         apart = apart.with_lens_blur(options.blur)
     if built.basis.name == LINEAR:

@@ -36,13 +36,6 @@ def findings_of(
 
     Parameters
     ----------
-    found : Inference
-    copy : CoarseCopy
-        That it was found on.
-    corrections : Corrections
-        The same for the images as they are.
-    whole : Observation
-        These images.
     shrink : int
         Pixels as recorded along one of these images.
     """
@@ -207,11 +200,8 @@ def with_lines(
 
     Parameters
     ----------
-    findings : sequence of Finding
-    pixels : PixelCheck, optional
     gains : Gains, optional
         Those that the images of ``names``, in this order, were corrected by.
-    names : sequence of str
     scan : Scan
         The whole one. Its corrections are in the images already: lines are in its own numbers.
     """

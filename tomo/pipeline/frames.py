@@ -22,8 +22,6 @@ class FrameImages:
 
     Attributes
     ----------
-    name : str
-        The frame's.
     images, masks : list of (height, width)
         Those of the cameras to reconstruct from; 0 where not usable.
     apart_images, apart_masks : list of (height, width)

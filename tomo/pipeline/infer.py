@@ -102,17 +102,13 @@ def infer_effects(
 
     Parameters
     ----------
-    screened : ScreenedScan
     whole : Scan
         All cameras, those held out too.
-    grid : VoxelGrid
-    options : Options
     loaded : sequence of LoadedScan
         The frames whose mean was screened. Effects are inferred from them together, not from
         the mean, which has little fine structure where a flame moves.
     cameras : sequence of str
         Those to refine, if they take part.
-    progress : callable, optional
     """
     with timed() as stage:
         if options.screen:

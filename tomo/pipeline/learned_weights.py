@@ -26,7 +26,6 @@ class Profile:
 
     Attributes
     ----------
-    quantity : str
     unit : str
         ``length`` is the grid's.
     edges : (bins + 1,) float64
@@ -99,14 +98,10 @@ class LearnedWeights:
 
         Parameters
         ----------
-        weights : RayWeights
         lengths : Projector
             Stored; its entries are segment lengths and its segments have midpoints.
-        learned : Projector
-            The result of ``weights.projector(lengths)``.
         volume : (nx, ny, nz)
             The emission by which segments count.
-        held_out_residual : mapping
         """
         rays = Rays.of(lengths, "optics", image_scale=weights.image_scale)
         rays = rays.with_upstream(weights.volume, weights.unit)

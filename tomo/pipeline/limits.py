@@ -32,7 +32,6 @@ class CameraLimits:
 
     Attributes
     ----------
-    camera : str
     shift : float
         Pixels of the images as recorded, across or down, the larger of the two.
     roll : float
@@ -57,7 +56,6 @@ class Limits:
 
     Attributes
     ----------
-    cameras : tuple of CameraLimits
     absorption : float
         The smallest optical depth through the box that would be noticed; NaN where not tried.
     alike : tuple of (str, str)
@@ -116,19 +114,10 @@ def limits_of_rig(
 
     Parameters
     ----------
-    rig : Rig
-    grid : VoxelGrid
     effects : sequence of Effect
         Those that are looked for, see `tomo.pipeline.infer.effects_of`.
     noise : float
         Standard deviation of a pixel, as a fraction of the brightest.
-    seed : int
-        Of the flame and the noise.
-
-    Raises
-    ------
-    ValueError
-        If there are fewer cameras than effects need.
     """
     if len(rig) < FEWEST_VIEWS:
         raise ValueError(

@@ -32,14 +32,8 @@ class LoadedScan:
 
     Attributes
     ----------
-    scan : Scan
-    frame : str
-        The frame's whole name.
-    images : list of (height, width) float32
-        One a camera, in the rig's order.
     masks : list of (height, width) bool
         True where a pixel is usable.
-    record : Record
     dead_lines : mapping of str to DeadLines
         Those of each camera that has some, in its images as recorded.
     """

@@ -68,13 +68,7 @@ def method_names() -> tuple[str, ...]:
 
 
 def method_named(name: str) -> Method:
-    """Return the method called ``name``.
-
-    Raises
-    ------
-    ValueError
-        If there is none of that name.
-    """
+    """Return the method called ``name``."""
     if name not in method_names():
         raise ValueError(f"method: found {name!r}, expected one of {', '.join(method_names())}")
     if name in solvers.METHODS:

@@ -80,7 +80,7 @@ class Options(Declared, gone=GONE):
         None,
         "The frame to reconstruct; the first one by default. The end of its name is enough where "
         "only one frame ends like that: 90 finds frame_090.",
-        text(optional=True),
+        text(),
         topic=FRAMES,
         metavar="FRAME",
     )
@@ -89,7 +89,7 @@ class Options(Declared, gone=GONE):
         "The frames of a film to reconstruct into a store, as a slice of their numbers like "
         "0:1000:2, : for all, or names with commas. One frame, --frame, is reconstructed by "
         "default.",
-        text(optional=True),
+        text(),
         topic=FRAMES,
         metavar="A:B:C",
     )
@@ -113,7 +113,7 @@ class Options(Declared, gone=GONE):
         5,
         "With frames: how many of them, spread evenly, settle for all what is wrong with pixels, "
         "cameras and gains, where cameras are refined to, and how smooth volumes are.",
-        whole(1, 1000, "1000"),
+        whole(1, 1000),
         topic=FRAMES,
     )
     refine_cameras: tuple[str, ...] | None = option(
@@ -138,7 +138,7 @@ class Options(Declared, gone=GONE):
         "N rays of each pixel, in all, start all over the lens' aperture and cross in the plane "
         "in focus: depth of field is modelled by the f-number, focal length and focus distance of "
         "each camera's optics in the rig. 1: lenses are pinholes.",
-        whole(1, 4096, "4096"),
+        whole(1, 4096),
         topic=CAMERAS,
     )
     blur: float = option(
@@ -228,7 +228,7 @@ class Options(Declared, gone=GONE):
     seed: int = option(
         0,
         "The seed of everything random.",
-        whole(0, 2**63 - 1, "2^63 - 1"),
+        whole(0, 2**63 - 1),
         topic=SOLVING,
     )
     basis: str = option(

@@ -17,13 +17,7 @@ from tomo.pipeline.options import Options
 
 
 def check_device(device: str, methods: list[Method]) -> None:
-    """Refuse a device that is asked for by name and that cannot be used.
-
-    Raises
-    ------
-    ValueError
-        In one line that says what is missing.
-    """
+    """Refuse a device that is asked for by name and that cannot be used."""
     if device_number(device) is None:
         return
     trains = any(method.takes("device") for method in methods)
@@ -46,11 +40,6 @@ def at_device(
     """Return the equations where the options want their products, and where that is.
 
     Equations are on the CPU where a method goes through the matrix's entries.
-
-    Raises
-    ------
-    ValueError
-        If a device that is asked for by name cannot hold them, or computes something else.
     """
     if options.device == CPU:
         return system, ON_CPU

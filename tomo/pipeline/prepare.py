@@ -30,21 +30,7 @@ INFERENCE = "cameras and gas"
 
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """What is settled before a volume is solved for.
-
-    Attributes
-    ----------
-    screened : ScreenedScan
-        The mean of the frames, corrected.
-    frames : tuple of FrameImages
-        The frames, corrected alike.
-    registered : Registered
-    traced : TracedScan
-    built : WeightedSystem
-        The equations, with the pixels of the mean.
-    apart : LinearSystem, optional
-        The equations of the cameras that take no part.
-    """
+    """What is settled before a volume is solved for."""
 
     screened: ScreenedScan
     frames: tuple[FrameImages, ...]
@@ -76,15 +62,8 @@ def prepare(
 
     Parameters
     ----------
-    scan : Scan
-    grid : VoxelGrid
-    options : Options
     loaded : sequence of LoadedScan
         One frame, or the key frames of a film.
-    cameras : sequence of str
-        Those to refine.
-    stage : callable
-        Told what begins; returns what is told how far that is, see `rigs.progress.staged`.
     """
     stage("pixels")
     screened = screen(mean_of_frames(loaded), options.hold_out, look=options.screen)

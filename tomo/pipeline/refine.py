@@ -32,12 +32,8 @@ class Refinement:
         The cameras before and after, those that take part.
     cameras : tuple of str
         Those that were asked for, and those that images contradicted.
-    asked : bool
-        Whether any were asked for.
-    grid : VoxelGrid
     priors : mapping of str to float
         Standard deviation of each camera's prior, in pixels of its image.
-    gains : mapping of str to float
     left_out : LeftOut, optional
         How left-out pixels judge what was asked for.
     """

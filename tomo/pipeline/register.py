@@ -28,8 +28,6 @@ class HullRule:
     ----------
     margin : float
         Pixels by which the cameras may point wrongly; infinite: no voxel is empty.
-    votes : int
-        Views that must find a voxel dark.
     """
 
     margin: float
@@ -68,13 +66,8 @@ def hull_of_frames(
 
     Parameters
     ----------
-    rig : Rig
-    frames : iterable of FrameImages
-    grid : VoxelGrid
     rule : HullRule, optional
         None: all pixels are kept too.
-    noise : sequence of NoiseModel
-        One a camera of the rig.
     otherwise : ActiveVoxels, optional
         The voxels where all frames are dark and say nothing; all when None.
     """
@@ -121,7 +114,6 @@ class Registered:
         How they were found: that of the middle frame. None where it was not asked for.
     rule : HullRule, optional
         How other frames are carved.
-    record : Record
     """
 
     rig: Rig
@@ -150,15 +142,6 @@ def register(
     """Carve the volume, from images alone.
 
     Voxels are those that any of the frames may light, pixels those usable in all of them.
-
-    Parameters
-    ----------
-    screened : ScreenedScan
-        Of the mean of the frames.
-    frames : sequence of FrameImages
-        As corrected; a still is one.
-    grid : VoxelGrid
-    options : Options
     """
     rig = screened.scan.rig
     noise = screened.noise if len(frames) == 1 else noise_of_frames(frames)

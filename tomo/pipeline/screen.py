@@ -31,7 +31,6 @@ class Place:
 
     Attributes
     ----------
-    camera : str
     other : str
         The camera that it is exchanged with.
     turned : str
@@ -53,33 +52,20 @@ class ScreenedScan:
         The cameras to reconstruct from, where they were found to be.
     images, masks : list of (height, width)
         Those of these cameras, corrected by what was found; outlier pixels are 0 and not usable.
-    noise : tuple of NoiseModel
-        That of these images.
     apart : Scan, optional
         The cameras held out and those excluded.
     apart_images, apart_masks : list of (height, width)
         Those of these cameras; outlier pixels of cameras held out are 0 and not usable.
-    pixels : PixelCheck, optional
-        What single images show; None where nothing was looked for.
-    corrections : Corrections, optional
-        What the images were corrected by; None where effects were not looked for.
-    findings : tuple of Finding
-        What is wrong with cameras and gas, the gravest first.
     refinement : Refinement, optional
         What was found of cameras; None where none was asked for or moved.
-    gains : Gains, optional
-        The gains and backgrounds that the images were corrected by; None where they were not.
     excluded : tuple of str
         The cameras that say nothing, or what the others contradict.
     places : tuple of Place
         The images that were put in their places, one after the other.
     emission : (nx, ny, nz) float32, optional
         A quick volume, of gas that absorbs its own light.
-    limits : Limits, optional
-        The smallest faults that these images would tell; None where that was not asked for.
     light_error : float
         Relative standard deviation of the total light by what was found of cameras and gas.
-    record : Record
     """
 
     scan: Scan
@@ -103,16 +89,7 @@ class ScreenedScan:
 
 
 def screen(loaded: LoadedScan, hold_out: Sequence[str], *, look: bool) -> ScreenedScan:
-    """Part a frame's images into those that take part and those that are only compared with.
-
-    Parameters
-    ----------
-    loaded : LoadedScan
-    hold_out : sequence of str
-        Cameras that take no part. Their images are searched for outlier pixels alone.
-    look : bool
-        Whether to look for outlier pixels and the like, see `tomo.measurement.pixel_check`.
-    """
+    """Part a frame's images into those that take part and those that are only compared with."""
     scan, pixels = loaded.scan, None
     images, masks = list(loaded.images), list(loaded.masks)
     with timed() as stage:
@@ -130,16 +107,7 @@ def screen(loaded: LoadedScan, hold_out: Sequence[str], *, look: bool) -> Screen
 
 
 def parted(screened: ScreenedScan, scan: Scan, apart: Sequence[str]) -> ScreenedScan:
-    """Return the images of a whole scan, parted from those of some cameras.
-
-    Parameters
-    ----------
-    screened : ScreenedScan
-        Of all cameras of ``scan``.
-    scan : Scan
-        The whole scan, which cameras apart are of.
-    apart : sequence of str
-    """
+    """Return the images of a whole scan, parted from those of some cameras."""
     if not apart:
         return screened
     names = scan.rig.names

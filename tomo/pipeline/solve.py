@@ -49,9 +49,6 @@ class Solved:
     ----------
     solution : Solution
         Its volume holds the voxels' means.
-    built : WeightedSystem
-        By segment lengths.
-    record : Record
     """
 
     solution: Solution
@@ -120,16 +117,8 @@ def solve_by(
 
     Parameters
     ----------
-    method : Method
-    iterations : int, optional
-        The method's own number when None.
-    built : WeightedSystem
     options : Options
         The seed, the time limit and those about learning are used.
-    watch : callable, optional
-        See `Watch`.
-    begin : callable
-        Told what begins; returns what is told how far that is, see `rigs.progress.staged`.
     """
     started = time.perf_counter()
     limit = math.inf if options.time_limit is None else options.time_limit

@@ -15,15 +15,7 @@ UNAFFECTED = "The volume is not affected: use it without, and report this line"
 
 @dataclass
 class Stage:
-    """A stage at work: `timed` starts its clock, and warnings are collected in it.
-
-    Attributes
-    ----------
-    warnings : list of str
-        The lines that the user should read before trusting the volume.
-    seconds : float
-        Wall time, once the stage is over.
-    """
+    """A stage at work: `timed` starts its clock, and warnings are collected in it."""
 
     warnings: list[str] = field(default_factory=list)
     seconds: float = 0.0
@@ -36,14 +28,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Record:
-    """The seconds and warnings of a stage that is over.
-
-    Attributes
-    ----------
-    seconds : float
-        Wall time.
-    warnings : tuple of str
-    """
+    """The seconds and warnings of a stage that is over."""
 
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
@@ -83,15 +68,6 @@ class Pace:
     ----------
     progress : callable, optional
         Told each stage and its parts, and the tenths of seconds of the whole as `WHOLE`.
-
-    Attributes
-    ----------
-    seconds : dict
-        What each stage took that is over.
-    expected : dict
-        What stages will take, by name.
-    watch : callable, optional
-        Called with each stage's name as it begins.
     """
 
     def __init__(self, progress: Progress | None = None) -> None:

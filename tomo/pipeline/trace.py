@@ -31,7 +31,6 @@ class TracedScan:
         As given.
     first_use_seconds : float
         Compiling or loading of kernels that this stage found itself in need of.
-    record : Record
     """
 
     system: LinearSystem
@@ -71,17 +70,7 @@ def through_gas(
     volume: NDArray[np.float32] | None,
     options: Options,
 ) -> LinearSystem:
-    """Return the equations, made with the options, through gas that absorbs; as they are if none.
-
-    Parameters
-    ----------
-    system : LinearSystem
-    absorption : Absorption
-    volume : (nx, ny, nz) float32, optional
-        The emission of gas that absorbs its own light.
-    options : Options
-        The tracer and the rays a pixel are used.
-    """
+    """Return the equations, made with the options, through gas that absorbs, if any does."""
     if not absorption:
         return system
     return system.with_absorption(absorption, volume, **options.rays, tracer=options.tracer)

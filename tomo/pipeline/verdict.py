@@ -80,7 +80,6 @@ class Rule:
 
     Attributes
     ----------
-    level : str
     find : callable
         See `Finder`.
     reason, step : str

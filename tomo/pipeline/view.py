@@ -30,12 +30,8 @@ class View:
 
     Attributes
     ----------
-    name : str
-        The camera's.
     measured, reprojected : (rows, columns) float32
         In one unit.
-    mask : (rows, columns) bool, optional
-        True where a pixel is usable.
     held_out : bool
         Whether the view took no part, as was asked for.
     excluded : bool
@@ -233,16 +229,7 @@ STATED, BRIGHTEST = "stated", "brightest measured pixel"
 
 @dataclass(frozen=True)
 class Peak:
-    """The largest value that images can have, for PSNR and SSIM.
-
-    Attributes
-    ----------
-    value : float
-    unit : str
-        That of the images, such as ``full scales``.
-    origin : str
-        `STATED` or `BRIGHTEST`.
-    """
+    """The largest value that images can have, for PSNR and SSIM."""
 
     value: float
     unit: str

@@ -235,13 +235,7 @@ def parse_scan_file(path: Path) -> ScanFile:
 
 
 def checked_corrections(given: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the corrections of a command or a program, checked as those of a scan.yaml are.
-
-    Raises
-    ------
-    ValueError
-        Naming the correction.
-    """
+    """Return the corrections of a command or a program, checked as those of a scan.yaml are."""
     try:
         return _Corrections.model_validate(given).model_dump()
     except ValidationError as error:

@@ -68,14 +68,7 @@ def as_data_array(
 def _stacks_of(
     rig: Rig, images: Mapping[str, ArrayLike] | DataArray | Dataset, field: str
 ) -> dict[str, NDArray]:
-    """Return each camera's image or images as ``(frames, h, w)``; ``field`` names them in errors.
-
-    Raises
-    ------
-    ValueError
-        If a camera is unknown, an image is not of its camera's size, or cameras have different
-        numbers of frames.
-    """
+    """Return each camera's images as ``(frames, h, w)``; ``field`` names them in errors."""
     each = images if isinstance(images, Mapping) else _of_each_camera(images, field)
     own = {str(name): image for name, image in each.items()}
     check_cameras(field, "", own, rig)

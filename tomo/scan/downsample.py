@@ -23,11 +23,9 @@ class Coarser:
 
     Attributes
     ----------
-    rig : Rig
     images : tuple of (rows, columns) float32
     masks : tuple of (rows, columns) bool
         True where any pixel was usable.
-    grid : VoxelGrid
     factor : int
         How many pixels a large pixel is wide.
     """

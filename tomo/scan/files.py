@@ -128,15 +128,6 @@ def as_scan(
     given : Scan, path-like, mapping, Dataset or DataArray
         A path is that of a scan, or with ``rig`` of a folder of images; a mapping is camera to
         image, see `Scan.from_arrays`, and needs ``rig``.
-    rig : Rig or path-like, optional
-        The cameras of images.
-    grid : VoxelGrid, optional
-        The grid of a scan of images.
-
-    Raises
-    ------
-    ValueError
-        If there is a rig beside a scan, or none beside images; else as the loaders raise.
     """
     if isinstance(given, Scan):
         if rig is not None:
@@ -168,11 +159,6 @@ def scan_again(source: Path, origin: Mapping[str, Any]) -> Scan:
     origin : mapping
         `Scan.origin`: the ``rig`` file of a folder of images and their ``pattern``; the folder of
         ``images`` of a transforms.json; the ``corrections`` that were given.
-
-    Raises
-    ------
-    ValueError, FileNotFoundError
-        As the loaders raise.
     """
     if "rig" in origin:
         rig = Path(origin["rig"])

@@ -78,14 +78,7 @@ class Film:
 
 @dataclass(frozen=True)
 class FilmFrame:
-    """An image of a film, not yet read.
-
-    Attributes
-    ----------
-    film : Film
-    place : int
-        The film's frame.
-    """
+    """An image of a film, not yet read."""
 
     film: Film
     place: int
@@ -125,11 +118,6 @@ def frames_of_films(films: Mapping[str, Film]) -> dict[str, dict[str, FilmFrame]
     """Return the images of every frame, by its number as text and by camera.
 
     A frame that only some films have lacks the other cameras; reading it names the first of them.
-
-    Raises
-    ------
-    ValueError
-        If a film cannot be read, or no frame is in all of them.
     """
     ranges = {camera: film.numbers for camera, film in films.items()}
     first = max(one.start for one in ranges.values())

@@ -34,10 +34,6 @@ def read_intensities(
     Parameters
     ----------
     image : Path, FilmFrame or (height, width) array
-    camera : str
-        Errors name it.
-    size : (width, height)
-        That of the camera's images.
     bit_depth : int, optional
         Bits that the camera really uses of an integer image.
     colours : mapping
@@ -47,15 +43,6 @@ def read_intensities(
     is_correction : bool
         Whether the image is a correction's: it may be grey where images are in colour, and no
         frame is lost with it.
-
-    Raises
-    ------
-    FrameError
-        If a frame's image in a file is unreadable, not grey, or not finite where it is usable.
-    ValueError
-        If it is of another size, or that is so of a correction or of an array.
-    FileNotFoundError
-        If it is missing.
     """
     from rigs.recordings import (
         FrameError,
@@ -151,12 +138,7 @@ CAMERA = "{camera}"
 
 @dataclass(frozen=True)
 class MeanImage:
-    """The mean of several images of one camera, such as dark frames, read when first asked for.
-
-    Attributes
-    ----------
-    images : tuple of Path or FilmFrame
-    """
+    """The mean of several images of one camera, such as dark frames, read when first asked for."""
 
     images: tuple[Path | FilmFrame, ...]
     _known: dict[Any, NDArray[np.float32]] = field(
@@ -190,12 +172,6 @@ def images_by_camera(name: str, value: Any, cameras: Sequence[str]) -> Any:
         those of each camera, by the names of `find_images`, or all where it is one camera's.
         ``{camera}`` in a path stands for the camera's name, and ``*`` in a file's name for any
         text. Other values are returned as they are.
-    cameras : sequence of str
-
-    Raises
-    ------
-    ValueError
-        If a camera has no image in a folder (a mask may be missing), or several masks.
     """
     if isinstance(value, Path) and CAMERA in str(value):
         value = {camera: Path(str(value).replace(CAMERA, camera)) for camera in cameras}

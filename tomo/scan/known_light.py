@@ -32,24 +32,12 @@ def counts_of_known_light(
 
     Parameters
     ----------
-    image : Path or (height, width) array
-    camera : str
-    size : (width, height)
-        Of the image as recorded.
     corrections : Corrections
         Those of the scan; all but the gain apply.
     region : (x, y, width, height), optional
         The whole image when None.
     dark : float, Path or array, optional
         In place of that of ``corrections``.
-
-    Raises
-    ------
-    ValueError
-        If the image is unreadable or of another size, or its region is not inside it, dark,
-        saturated or uneven.
-    FileNotFoundError
-        If an image is missing.
     """
     how = replace(corrections, gain=None)
     if dark is not None:

@@ -194,31 +194,15 @@ def writing_film(
 
     Parameters
     ----------
-    folder : path-like
-        What a film there held before is replaced.
-    rig : Rig
-    grid : VoxelGrid
-        Where the truths lie.
-    frames : int
-        How many will come.
-    frame_rate : float
-        Frames a second.
     dtype : dtype
         Of the pixels: uint8, uint16 or float32.
     corrections : Corrections, optional
         Numbers only.
-    effects : mapping, optional
-        See `tomo.scan.Scan`.
 
     Yields
     ------
     put : callable
         ``put(images, truth)`` with camera to ``(h, w)``, and ``(nx, ny, nz)``.
-
-    Raises
-    ------
-    ValueError
-        If an image is not of its camera's size, or other than ``frames`` frames came.
     """
     import tifffile
 

@@ -16,14 +16,7 @@ from tomo.series.layout import COORDINATES
 
 
 class Chunks:
-    """Arrays over time that are read and written in whole chunks along their first axis.
-
-    Parameters
-    ----------
-    path : Path
-        The folder of the store.
-    arrays : mapping of str to zarr.Array
-    """
+    """Arrays over time that are read and written in whole chunks along their first axis."""
 
     def __init__(self, path: Path, arrays: Mapping[str, zarr.Array]) -> None:
         self._path, self.arrays = path, arrays
@@ -34,11 +27,6 @@ class Chunks:
 
         ``needed`` says whether it must have been written. Stores without checksums have no files
         of chunks that hold the fill value alone, which no volume does.
-
-        Raises
-        ------
-        ValueError
-            One line that names the file and the frames, if the chunk is damaged.
         """
         array = self.arrays[name]
         file = self.file(name, places.start // array.chunks[0])
@@ -55,11 +43,6 @@ class Chunks:
         """Return the numbers of an array.
 
         ``written`` says of which places they must have been written, all when None.
-
-        Raises
-        ------
-        ValueError
-            See `read`.
         """
         array = self.arrays[name]
         step, count = array.chunks[0], array.shape[0]

@@ -244,13 +244,7 @@ def _run_tasks(
 
 @contextmanager
 def _losses_in_one_line(frames: str, store: SeriesStore) -> Iterator[None]:
-    """Say of a block whose workers were lost again and again, and of a lost scheduler, what stays.
-
-    Raises
-    ------
-    ChildProcessError, ConnectionError
-        One line that says what was lost and what stays.
-    """
+    """Say what stays where a block's workers are lost again and again, or the scheduler is."""
     from distributed.comm import CommClosedError
     from distributed.scheduler import KilledWorker
 

@@ -45,13 +45,7 @@ def choose_frames(scan: Scan, text: str) -> tuple[int, ...]:
 
 
 def slices_of(text: str, count: int, named: Callable[[str], int] | None = None) -> tuple[int, ...]:
-    """Return the places that slices, and names where there is who knows them, stand for.
-
-    Raises
-    ------
-    ValueError
-        See `choose_frames`.
-    """
+    """Return the places that slices, and names where there is who knows them, stand for."""
     found: list[int] = []
     for part in (one.strip() for one in text.split(",")):
         match = _SLICE.fullmatch(part)
@@ -93,11 +87,6 @@ def blocks_of(count: int) -> list[range]:
     return [range(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
 
 
-def key_of(places: Sequence[int]) -> int:
-    """Return the place of a block's key frame, the middle one of its places."""
-    return places[len(places) // 2]
-
-
 def spread(count: int, wanted: int) -> tuple[int, ...]:
     """Return the places of ``wanted`` frames spread evenly over ``count``; all where it has fewer.
 
@@ -114,15 +103,7 @@ def key_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
 
 
 class UnreadableError(ValueError):
-    """A frame that cannot be read or decoded.
-
-    Attributes
-    ----------
-    frame : str
-        Its name.
-    reason : str
-        One line that names the file.
-    """
+    """A frame that cannot be read or decoded."""
 
     def __init__(self, frame: str, error: Exception) -> None:
         self.frame, self.reason = frame, " ".join(str(error).split())
@@ -145,13 +126,7 @@ def read_frame(scan: Scan, place: int, skip_bad: Literal[False]) -> LoadedScan: 
 @overload
 def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None: ...
 def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None:
-    """Return a frame by its place in the scan; None where it cannot be read and may be left out.
-
-    Raises
-    ------
-    UnreadableError
-        If it cannot be read or decoded.
-    """
+    """Return a frame by its place; None where it cannot be read and may be left out."""
     frame = scan.frames[place].name
     try:
         with naming(frame):
@@ -175,21 +150,7 @@ def reader_of(
 
 
 def readable_keys(scan: Scan, places: Sequence[int], options: Options) -> tuple[int, ...]:
-    """Return the places of the key frames; each bad one gives way to the next that is readable.
-
-    Parameters
-    ----------
-    scan : Scan
-    places : sequence of int
-        All frames, by their places in the scan.
-    options : Options
-        Where they do not allow bad frames to be left out, all key frames are returned.
-
-    Raises
-    ------
-    ValueError
-        If no frame can be read.
-    """
+    """Return the places of the key frames; each bad one gives way to the next that is readable."""
     wanted = key_places(places, options)
     if not options.skip_bad:
         return wanted

@@ -50,9 +50,6 @@ CAMERA_FIGURES = (
 COORDINATES = ("time", "x", "y", "z", "frame")
 """Arrays that are written with the empty store."""
 
-WALL_TIME = ("seconds",)
-"""Arrays that differ from run to run."""
-
 _TYPES = {
     "cameras": list,
     "length_unit": str,
@@ -134,13 +131,7 @@ def write_empty(
 
 
 def open_arrays(path: Path) -> tuple[zarr.Group, dict[str, Any], dict[str, zarr.Array]]:
-    """Return the group, the attributes and the arrays of a store, checked against each other.
-
-    Raises
-    ------
-    ValueError
-        One line that names the file that is not as a store's.
-    """
+    """Return the group, the attributes and the arrays of a store, checked against each other."""
     with errors_of_libraries(f"{path}: not a Zarr v3 group, expected a store"):
         group = zarr.open_group(path, mode="r+", zarr_format=3)
         about: dict[str, Any] = dict(group.attrs)
@@ -177,12 +168,6 @@ def mend_descriptions(path: Path, times: Sequence[float], frames: Sequence[int])
 
     Nothing is written where the arrays can be opened, or where every description is another than
     this version writes: the store is then an older one.
-
-    Raises
-    ------
-    ValueError
-        As `open_arrays`, if the attributes are damaged too, are for another number of frames, or
-        belong to no store of this version.
     """
     try:
         open_arrays(path)

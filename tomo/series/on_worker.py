@@ -39,7 +39,6 @@ class HeldPlan(WorkerPlugin):
 
     Parameters
     ----------
-    plan : Plan
     store : SeriesStore
         Its folder is on a disk that all workers share.
     versions : mapping
@@ -70,13 +69,7 @@ class HeldPlan(WorkerPlugin):
         self._held, self._packed = None, b""
 
     def solve(self, block: range, wait: bool) -> bool:
-        """Solve and write a block; return whether it is complete.
-
-        Raises
-        ------
-        ValueError
-            If this worker has other versions, or sees another store or none.
-        """
+        """Solve and write a block; return whether it is complete."""
         with self._lock:
             if self._held is None:
                 self._held, self._packed = self._open(), b""
@@ -142,13 +135,7 @@ def own_versions() -> dict[str, str]:
 
 
 def check_versions(worker: str, expected: Mapping[str, str], found: Mapping[str, object]) -> None:
-    """Refuse a worker that has other versions than the process that made the plan.
-
-    Raises
-    ------
-    ValueError
-        One line that names worker, package and both versions.
-    """
+    """Refuse a worker that has other versions than the process that made the plan."""
     for name, version in expected.items():
         if found[name] != version:
             theirs = found[name] if isinstance(found[name], str) else "none"
@@ -164,13 +151,7 @@ def stamp_of(found: os.stat_result) -> tuple[int, int]:
 
 
 def check_store(worker: str, path: Path, expected: tuple[int, int], found: object) -> None:
-    """Refuse a worker that does not see the store, or sees another one at its place.
-
-    Raises
-    ------
-    ValueError
-        One line that names worker and store.
-    """
+    """Refuse a worker that does not see the store, or sees another one at its place."""
     if not isinstance(found, os.stat_result) or stamp_of(found) != expected:
         what = "another store" if isinstance(found, os.stat_result) else "no such store"
         raise ValueError(

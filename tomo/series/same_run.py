@@ -39,16 +39,7 @@ COMPARED_VERSIONS = ("flametomo", "numpy", "numba", "scipy")
 def attributes_of_run(
     scan: Scan, grid: VoxelGrid, options: Options, places: Sequence[int]
 ) -> dict[str, Any]:
-    """Return the attributes of a store that are known before the plan is made.
-
-    Parameters
-    ----------
-    scan : Scan
-    grid : VoxelGrid
-    options : Options
-    places : sequence of int
-        The frames, by their places in the scan.
-    """
+    """Return the attributes of a store that are known before the plan is made."""
     rate, keys = scan.frame_rate, readable_keys(scan, places, options)
     return plain(
         {
@@ -91,13 +82,7 @@ def attributes_of_plan(plan: Plan) -> dict[str, Any]:
 
 
 def check_same_run(store: SeriesStore, attributes: Mapping[str, Any]) -> None:
-    """Refuse a store that another scan, rig, version or other options made.
-
-    Raises
-    ------
-    ValueError
-        One line with what differs.
-    """
+    """Refuse a store that another scan, rig, version or other options made."""
     known = store.attributes
     pairs = [(name, known.get(name), attributes[name]) for name in COMPARED if name in attributes]
     if "versions" in attributes:
@@ -170,11 +155,6 @@ class Claims:
 
     Where the system cannot lock parts of files (Windows, some network disks), every process gets
     every block: all write the same.
-
-    Parameters
-    ----------
-    store : Path
-        The folder of the store.
     """
 
     def __init__(self, store: Path) -> None:
@@ -233,14 +213,6 @@ def mend(
 
     Coordinates are written again. Frames that cannot be read are recorded as to be done; those
     beside them stay complete meanwhile. A block that another run has in hand is left to it.
-
-    Parameters
-    ----------
-    store : SeriesStore
-        Its attributes are those of the run.
-    times, frames : sequence
-        As for `SeriesStore.create`.
-    progress : callable, optional
     """
     grid = VoxelGrid(**store.attributes["grid"])
     expected = {"time": times, "frame": frames, **dict(zip("xyz", grid.axes(), strict=True))}

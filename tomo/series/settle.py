@@ -49,13 +49,7 @@ REFUSED = {
 
 
 def check_series_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
-    """Refuse options that a series cannot follow, see `check_options` for the others.
-
-    Raises
-    ------
-    ValueError
-        One line that names the option, what was found and what was expected.
-    """
+    """Refuse options that a series cannot follow, see `check_options` for the others."""
     check_options(options, scan, grid)
     for name, value in REFUSED.items():
         if getattr(options, name) != value:
@@ -172,16 +166,7 @@ WINDOWS = 2
 def settle_filter(
     plan: Plan, choice: Choice, stage: Callable[[str], object] = lambda words: None
 ) -> TemporalChoice:
-    """Return whether and how frames are to be filtered in time.
-
-    Parameters
-    ----------
-    plan : Plan
-    choice : Choice
-        How smooth volumes are.
-    stage : callable, optional
-        Receives what is done.
-    """
+    """Return whether and how frames are to be filtered in time."""
     wanted, count = plan.options.temporal, len(plan.places)
     if wanted == OFF:
         return TemporalChoice(None, "it was asked for")

@@ -35,11 +35,6 @@ class FrameResult:
     ----------
     volume : (nx, ny, nz) float32, optional
         The mean emission of every voxel; None once it is written.
-    figures : mapping
-        Name to a number.
-    by_camera : mapping
-        Name to a number for each camera.
-    warnings : tuple of str
     skipped : bool
         Whether the frame could not be read; everything else is then empty.
     """
@@ -71,13 +66,6 @@ def solve_together(
     """Solve some frames of a block and compare them.
 
     Each product with the matrix serves all of them, see `tomo.solvers.mlem.mlem_of_several`.
-
-    Parameters
-    ----------
-    plan : Plan
-    system : BlockSystem
-    frames : sequence of FrameImages
-    choice : Choice
     """
     if not frames:
         return
@@ -205,21 +193,7 @@ def solve_filtered(
     choice: Choice,
     temporal: TemporalFilter,
 ) -> Iterator[tuple[int, FrameResult]]:
-    """Yield the places of a block's frames and their results, filtered in time.
-
-    Parameters
-    ----------
-    plan : Plan
-    system : BlockSystem
-    own : sequence of int
-        The places of the block's frames.
-    frames : mapping
-        Place to the images: of the block's frames, and of neighbours.
-    choice : Choice
-        How smooth.
-    temporal : TemporalFilter
-        How frames are filtered, see `Plan.filter`.
-    """
+    """Yield the places of a block's frames and their results, filtered in time."""
     began = time.perf_counter()
     built = {place: weighted(plan, system, frame) for place, frame in frames.items()}
     found = dict(zip(frames, solved_together(plan, list(built.values()), choice), strict=True))

@@ -286,13 +286,7 @@ class SeriesStore:
         self._chunks.remove_partial(("emission", *_OF_FRAMES, "complete"), block)
 
     def _recorded(self, places: range | None = None) -> NDArray[np.uint8]:
-        """Return what is recorded of frames, of all when None; 0 where nothing is.
-
-        Raises
-        ------
-        ValueError
-            One line that names the file and the frames, if the record is damaged.
-        """
+        """Return what is recorded of frames, of all when None; 0 where nothing is."""
         if places is None:
             found = self._chunks.values("complete", np.zeros(self.n_frames, bool))
         else:

@@ -65,11 +65,9 @@ class TemporalFilter:
 
         Parameters
         ----------
-        active : ActiveVoxels
         solutions : mapping
             Place to ``(unknowns,)``. Neighbours that there are none of, before the first frame
             and after the last, count as the last on their side.
-        place : int
         """
         pairs = neighbours(active, solutions, place, len(self.coarse) - 1, self.velocity)
         none = np.zeros_like(pairs[0])

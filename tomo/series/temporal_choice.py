@@ -118,9 +118,6 @@ class TemporalChoice:
 
     Attributes
     ----------
-    filter : TemporalFilter, optional
-        None where every frame stands for itself.
-    reason : str
     held_out_residual, alone : float
         Relative residual of the left-out pixels by the filter, and by frames for themselves; NaN
         where nothing was compared.

@@ -34,9 +34,6 @@ class SeriesAnswer:
     ----------
     verdict : str
         That of the middle frame, ordered by how well they are explained.
-    sentence : str
-    explained, partly, not_explained, unknown : int
-        How many frames have each verdict.
     """
 
     verdict: str
@@ -63,9 +60,6 @@ def answer_of_series(
         ``view_beyond_noise`` ``(frames, cameras)``: the residual that noise does not explain, as a
         fraction of the image; NaN of dark images and of excluded cameras. ``psnr``, optional:
         where it is known, a camera was held out and does not count. ``complete`` ``(frames,)``.
-    frames : sequence of int
-        Their numbers in the scan.
-    cameras : sequence of str
     """
     beyond, complete = np.asarray(table["view_beyond_noise"]), np.asarray(table["complete"]) == 1
     if "psnr" in table:
@@ -107,10 +101,6 @@ class SeriesTable:
 
     Attributes
     ----------
-    store : SeriesStore
-    frames : (frames,) int64
-        Numbers in the scan.
-    times : (frames,) float64
     columns : mapping of str to (frames,) or (frames, cameras)
         `FIGURES`, `CAMERA_FIGURES` and ``complete``; NaN where there is none.
     """
@@ -155,10 +145,6 @@ def verdict_of_series(table: SeriesTable) -> dict[str, Any]:
     Its ``level`` is that of the worst frame, ``frames`` counts those of each level. A reason that
     not all frames share says how many do, in the words of the frame that is explained least. The
     cameras, which are settled once, are in the verdict of every frame.
-
-    Parameters
-    ----------
-    table : SeriesTable
     """
     frames = list(_frames(table))
     if not frames:

@@ -66,8 +66,6 @@ class Finding:
         Number in the scan of the first frame concerned.
     size : float
         The change: a fraction of the gain, a ratio of residuals, dB, or how many frames.
-    line : str
-        The same in words.
     """
 
     kind: str
@@ -88,9 +86,6 @@ def watch(
         Figures of the frames in their order: ``view_light``, ``view_residual`` and ``psnr``
         ``(frames, cameras)``, and ``complete`` ``(frames,)``, 2 for frames that were left out.
         NaN where there is no figure.
-    frames : (frames,) int
-        Their numbers in the scan.
-    cameras : sequence of str
 
     Returns
     -------

@@ -80,7 +80,7 @@ def test_words_are_those_of_the_parts_they_name():
         ({"seed": str(2**63)}, "seed: found '9223372036854775808'"),
         ({"uncertainty": 1}, "uncertainty: found 1, expected auto, 0, or 2 repeats or more"),
         ({"refine_cameras": 3}, "refine_cameras: found 3, expected names of cameras"),
-        ({"seed": -1}, "seed: found -1, expected a whole number from 0 to 2\\^63 - 1"),
+        ({"seed": -1}, "seed: found -1, expected a whole number from 0 to 9223372036854775807"),
         ({"wernet_settings": 3}, "wernet_settings: found 3, expected a path"),
     ],
 )

@@ -29,7 +29,6 @@ class Box:
     Attributes
     ----------
     lower, upper : (3,) float64
-    reason : str
     cut : tuple of str
         Cameras whose images are bright at their edges: the light goes on beyond them.
     """
@@ -45,14 +44,8 @@ def box_of_light(scan: Scan, frames: Sequence[str]) -> Box:
 
     Parameters
     ----------
-    scan : Scan
     frames : sequence of str
         Each has an image of every camera.
-
-    Raises
-    ------
-    ValueError
-        If the cameras' axes do not meet, or an image cannot be read.
 
     Notes
     -----
@@ -99,8 +92,6 @@ def grid_in(rig: Rig, box: Box, voxel: float | None = None) -> tuple[VoxelGrid, 
 
     Parameters
     ----------
-    rig : Rig
-    box : Box
     voxel : float, optional
         An edge length; the one of `rigs.check.grid_choice.suitable_voxel` when None.
     """

@@ -29,7 +29,6 @@ class CameraImages:
     ----------
     pattern : str
         How they are named, as scan.yaml has it.
-    frames : tuple of Frame
     films : dict of str to Film
         By camera; empty where the images are files.
     is_pattern_enough : bool
@@ -55,24 +54,7 @@ class CameraImages:
 def images_of(
     contents: Contents, rig: Rig, pattern: str | None = None, dropped: Sequence[str] = ()
 ) -> CameraImages:
-    """Return the images of a rig's cameras in a folder.
-
-    Parameters
-    ----------
-    contents : Contents
-    rig : Rig
-    pattern : str, optional
-        How they are named, see `rigs.recordings.find_images`; found from the names when None.
-    dropped : sequence of str
-        Cameras whose images are passed over.
-
-    Raises
-    ------
-    UndecidedError
-        If images of several patterns are of all cameras, and none is in ``images/``.
-    ValueError
-        Naming a camera without an image, or one that the rig does not have.
-    """
+    """Return the images of a rig's cameras in a folder."""
     folder, names = contents.folder, rig.names
     if pattern is not None:
         found = {pattern: _named(folder, names, pattern)}
@@ -123,13 +105,7 @@ def renamed_as_images(contents: Contents, rig: Rig) -> dict[str, str]:
 
 
 def sizes_of(images: Iterable[Path | FilmFrame]) -> dict[tuple[int, int], Path]:
-    """Return the sizes of images, width and height, and the first file that has each.
-
-    Raises
-    ------
-    ValueError
-        If a file is no image.
-    """
+    """Return the sizes of images, width and height, and the first file that has each."""
     found: dict[tuple[int, int], Path] = {}
     for image in images:
         if isinstance(image, FilmFrame):
@@ -141,13 +117,7 @@ def sizes_of(images: Iterable[Path | FilmFrame]) -> dict[tuple[int, int], Path]:
 
 
 def check_sizes(rig: Rig, images: CameraImages) -> None:
-    """Raise unless all images of each camera have the size that the rig says.
-
-    Raises
-    ------
-    ValueError
-        Naming file, camera and sizes.
-    """
+    """Raise unless all images of each camera have the size that the rig says."""
     frames = images.moments[:1] if images.films else images.frames
     for camera in rig:
         own = (frame.images[camera.name] for frame in frames if camera.name in frame.images)

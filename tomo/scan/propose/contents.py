@@ -104,7 +104,6 @@ class Contents:
 
     Attributes
     ----------
-    folder : Path
     light : tuple of PurePosixPath
         Images and films of emission, relative to the folder.
     dark, flat : tuple of PurePosixPath
@@ -121,11 +120,6 @@ class Contents:
         """Look into a folder and the folders in it.
 
         Hidden files, and folders that commands wrote results into, are passed over.
-
-        Raises
-        ------
-        FileNotFoundError, NotADirectoryError
-            If there is no such folder.
         """
         if not folder.is_dir():
             kind = NotADirectoryError if folder.exists() else FileNotFoundError
@@ -172,13 +166,6 @@ def find_rig(folder: Path) -> tuple[Path, str, list[str]]:
 
     A ``rig.yaml`` comes before others, then a ``transforms.json``, the files that make a folder a
     rig for every command; the names of the others are returned too.
-
-    Raises
-    ------
-    UndecidedError
-        If there are several.
-    FileNotFoundError
-        If there is none.
     """
     level: list[Path] = [folder]
     found: list[tuple[Path, str]] = []

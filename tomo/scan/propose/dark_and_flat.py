@@ -26,20 +26,9 @@ def correction_of(
 
     Parameters
     ----------
-    contents : Contents
     name : {"dark", "flat"}
-    rig : Rig
     images : str
         The pattern of the cameras' images: frames beside them come before those elsewhere.
-    dropped : sequence of str
-        Cameras whose frames are passed over.
-
-    Raises
-    ------
-    UndecidedError
-        If frames of two patterns are of all cameras.
-    ValueError
-        If a camera has none, or names say nothing of cameras.
     """
     files = contents.dark if name == "dark" else contents.flat
     if not files:
@@ -70,13 +59,7 @@ def correction_of(
 
 
 def check_correction(folder: Path, name: str, value: Any, rig: Rig) -> dict[str, int]:
-    """Return how many frames each camera has for a correction; 0 where it is a number.
-
-    Raises
-    ------
-    ValueError
-        Naming the frame and the camera, if its size is not that of the camera's images.
-    """
+    """Return how many frames each camera has for a correction; 0 where it is a number."""
     if isinstance(value, int | float):
         return dict.fromkeys(rig.names, 0)
     found = images_by_camera(name, folder / value, rig.names)
