@@ -87,35 +87,6 @@ def test_a_vtkhdf_is_laid_out_as_published(store, exported):
             assert np.array_equal(data[offset].T, store.volume(place))
 
 
-@pytest.mark.parametrize("to", ["pvd", "vtkhdf"])
-def test_vtk_reads_the_frames_at_their_times(store, exported, to):
-    """The wheel takes 0.6 GB installed: no part of the extra `dev`."""
-    pytest.importorskip("vtkmodules")
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkIOHDF import vtkHDFReader
-    from vtkmodules.vtkIOXML import vtkXMLImageDataReader
-
-    written = exported(to)
-    for step, place in enumerate(SOME):
-        if to == "vtkhdf":
-            reader = vtkHDFReader()
-            reader.SetFileName(str(written))
-            reader.UpdateInformation()
-            assert reader.GetNumberOfSteps() == len(SOME)
-            reader.SetStep(step)
-        else:
-            entry = ElementTree.parse(written).getroot().findall("./Collection/DataSet")[step]
-            reader = vtkXMLImageDataReader()
-            reader.SetFileName(str(written.parent / entry.get("file")))
-        reader.Update()
-        image = reader.GetOutputDataObject(0)
-        assert image.GetDimensions() == store.grid.shape
-        np.testing.assert_allclose(image.GetOrigin(), store.grid.origin)
-        np.testing.assert_allclose(image.GetSpacing(), store.grid.spacing)
-        values = vtk_to_numpy(image.GetPointData().GetArray("emission"))
-        assert np.array_equal(values.reshape(store.grid.shape, order="F"), store.volume(place))
-
-
 def test_xarray_reads_a_netcdf_with_units_and_figures(store, exported):
     with xarray.open_dataset(exported("netcdf"), engine="h5netcdf") as data:
         assert data.emission.dims == ("time", "x", "y", "z")

@@ -99,10 +99,6 @@ def test_an_nrrds_axes_may_run_backwards(tmp_path):
     assert value_at(found, (12, 29, 28)) == VALUES[1, 2, 3]
 
 
-def test_units_of_an_nrrds_axes(tmp_path):
-    assert nrrd(tmp_path / "a.nrrd", units='"cm" "cm" "cm"')[2] == "cm"
-
-
 @pytest.mark.parametrize("where", ["PointData", "CellData"])
 def test_a_vtis_axes_may_run_backwards(tmp_path, where):
     text = " ".join(str(value) for value in VALUES.ravel(order="F"))

@@ -117,13 +117,6 @@ def test_encoded_bytes(refused, file, array, words):
     assert words in refused(read_volume, "a.vti", vti(array, file))
 
 
-def test_sizes_below_zero_unpack_nothing(refused):
-    """A limit of zero is none to zlib: what is to be unpacked has to be checked before."""
-    array = inline("<i4", [1, -1, 0, len(BOMB)], BOMB)
-    said = refused(read_volume, "a.vti", vti(array, f'{ZLIB} header_type="Int32"'))
-    assert "header_type: found 'Int32'" in said
-
-
 def nested_entities():
     """Return entities of which the last, x, stands for 40 GB of text."""
     levels = "abcdefghij" + "x"

@@ -190,17 +190,6 @@ def test_an_nrrd_header_beside_its_values(tmp_path, encoding):
         read_volume(tmp_path / "a.nhdr")
 
 
-def test_packed_metaimage_of_its_own_library(itk, tmp_path):
-    path = tmp_path / "a.mha"
-    image = itk.GetImageFromArray(VALUES.T.astype(np.float64))
-    image.SetSpacing((0.5, 1, 2))
-    image.SetOrigin((1, 2, 3))
-    itk.WriteImage(image, str(path), useCompression=True)
-    data, grid, _ = read_volume(path)
-    np.testing.assert_array_equal(data, VALUES)
-    np.testing.assert_allclose(grid.origin, [1, 2, 3])
-
-
 @pytest.mark.parametrize("name", ["a.nii", "a.nii.gz", "A.NII.GZ"])
 def test_nifti(nibabel, tmp_path, name):
     path = tmp_path / name

@@ -98,16 +98,6 @@ def test_vti_of_other_programs_inline(tmp_path, compress):
     assert unit == "mm"
 
 
-def test_vti_cell_data_has_its_origin_at_the_corner(tmp_path):
-    path = tmp_path / "cells.vti"
-    array = '<DataArray type="Int16" format="ascii">7 8</DataArray>'
-    path.write_text(vti(array, where="CellData", extent="0 2 0 1 0 1"))
-    data, grid, _ = read_volume(path)
-    assert data.ravel().tolist() == [7, 8]
-    np.testing.assert_allclose(grid.lower, 0)
-    np.testing.assert_allclose(grid.upper, [4, 2, 2])
-
-
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @settings(
     max_examples=25,
@@ -130,18 +120,6 @@ def test_pickles_are_refused(tmp_path):
     path = tmp_path / "evil.npz"
     np.savez(path, data=np.array([print], dtype=object), origin=np.zeros(3), spacing=np.ones(3))
     with pytest.raises(ValueError, match=r"evil\.npz"):
-        read_volume(path)
-
-
-def test_an_nrrd_that_points_out_of_its_folder_is_refused(tmp_path):
-    (tmp_path / "other.raw").write_bytes(VOLUME.tobytes())
-    path = tmp_path / "folder" / "points.nrrd"
-    path.parent.mkdir()
-    path.write_text(
-        "NRRD0005\ntype: float\ndimension: 3\nsizes: 3 4 5\nencoding: raw\nendian: little\n"
-        "data file: ../other.raw\n"
-    )
-    with pytest.raises(ValueError, match=r"points\.nrrd.*inside the header's folder"):
         read_volume(path)
 
 
@@ -218,21 +196,6 @@ def test_what_is_written_is_never_too_densely_packed_to_be_read(
     monkeypatch.setattr(size_guard, "ALWAYS_ALLOWED", free + more)
     write_volume(path, sparse, grid)
     np.testing.assert_array_equal(read_volume(path)[0], sparse)
-
-
-@pytest.mark.parametrize(
-    ("fields", "words"),
-    [
-        ("type: float", "Header is missing required field: endian"),
-        ("type: block", "found 4 bytes of type block, encoding raw"),
-    ],
-)
-def test_an_nrrd_that_does_not_say_how_its_numbers_are_stored_is_refused(tmp_path, fields, words):
-    path = tmp_path / "v.nrrd"
-    head = f"NRRD0004\n{fields}\ndimension: 3\nsizes: 1 1 1\nencoding: raw\n\n"
-    path.write_bytes(head.encode() + bytes(4))
-    with pytest.raises(ValueError, match=words):
-        read_volume(path)
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)

@@ -95,20 +95,6 @@ def test_a_sphere_of_known_emission_comes_back(lab):
     assert set(report["scan"]["radiometry"]["per_count"]) == set(RIG.names)
 
 
-def test_photons_are_the_same_volume(lab):
-    grid = VoxelGrid((12, 12, 12), 2.0)
-    watts, photons = (
-        reconstruct(scan_of(lab, grid, **how), options=Options(method="mlem"))
-        for how in ({}, {"wavelength": 500.0, "volume_unit": "photons"})
-    )
-    largest = watts.volume.max()
-    scaled = photons.volume * np.float64(3.972891714e-19)
-    np.testing.assert_allclose(scaled / largest, watts.volume / largest, atol=1e-5)
-    total = photons.report()["emission"]
-    assert total["total_unit"] == "photons/s/sr"
-    assert total["total"] == pytest.approx(TRUE_TOTAL / 3.972891714e-19, rel=5e-3)
-
-
 def test_calibrated_cameras_set_the_scale_of_all(lab):
     """Four of twelve are calibrated; the others record up to twice as much as these."""
     _, radiometry = lab

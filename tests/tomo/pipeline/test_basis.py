@@ -125,13 +125,6 @@ def test_ray_by_ray_methods_are_compared_in_the_voxel_basis(by_linear, by_voxel)
     assert (sirt[0] != sirt[1]).any()
 
 
-@pytest.mark.parametrize("method", ["art", "mart", "wernet-paper"])
-def test_ray_by_ray_methods_take_the_voxel_basis(fine, method):
-    assert (
-        basis(reconstruct(fine.scaled(2), options=Options(method=method, iterations=1))) == "voxel"
-    )
-
-
 def test_pixels_too_fine_for_their_worth_take_the_voxel_basis(take):
     scan = take(views=3, footprint=0.08, refine=1)
     found = reconstruct(scan, options=Options(method="cgls", iterations=2))
@@ -218,16 +211,6 @@ def test_few_views_end_in_the_linear_basis(few):
     )
     assert basis(found) == "linear"
     assert distance(found) < distance(boxes)
-
-
-def test_few_views_that_teach_nothing_are_re_projected_in_their_own_basis(few):
-    settings = {"hold_out": ["cam02"], **QUICK}
-    found = reconstruct(few, options=Options(method="wernet", iterations=0, **settings))
-    classic = reconstruct(few, options=Options(**settings))
-    assert found.solution.settings["learned"] is False
-    assert basis(found) == basis(classic) == "linear"
-    np.testing.assert_array_equal(found.solution.volume, classic.solution.volume)
-    assert psnr(found, "cam02") == psnr(classic, "cam02")
 
 
 @pytest.mark.parametrize(

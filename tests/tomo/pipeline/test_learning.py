@@ -20,8 +20,6 @@ from tomo.wernet import PaperSettings, load_encoder, load_settings
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
-SIRT = {"method": "sirt", "iterations": 5}
-
 
 @pytest.fixture(scope="module")
 def unequal(tmp_path_factory, grid):
@@ -137,19 +135,10 @@ def test_wernet_of_dark_images_is_empty(copy):
     json.dumps(found.report(), allow_nan=False)
 
 
-@pytest.mark.parametrize(
-    ("settings", "words"),
-    [
-        (
-            {"wernet_settings": "paper"},
-            "wernet_settings: found paper, expected none for method sirt: only wernet and "
-            "wernet-paper can use it",
-        ),
-    ],
-)
-def test_options_of_wernet_are_refused_elsewhere(folder, settings, words):
+def test_settings_of_wernet_are_refused_elsewhere(folder):
+    words = "wernet_settings: found paper, expected none for method sirt: only wernet and wernet-"
     with pytest.raises(ValueError, match=words):
-        reconstruct(load_scan(folder), options=Options(**SIRT, **settings))
+        reconstruct(load_scan(folder), method="sirt", wernet_settings="paper")
 
 
 @pytest.mark.parametrize("given", ["paper-text", "own.yaml"])

@@ -104,11 +104,6 @@ def test_a_name_that_is_unknown_or_gone_is_refused(made, name, words):
         made({name: True})
 
 
-def test_options_are_few_and_none_of_those_gone():
-    assert len(NAMES) <= 30
-    assert not set(NAMES) & set(declared.GONE)
-
-
 def test_the_truth_does_not_reach_the_solve(copy, grid, outcome, quick_choice):
     truth = np.random.default_rng(3).random(grid.shape)
     write_volume(copy / "truth.npz", truth, grid)

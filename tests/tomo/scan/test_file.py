@@ -38,16 +38,6 @@ def test_what_a_scan_was_simulated_with_comes_back(tmp_path, rig, frames):
     assert found["gains"] == {camera: 1.25}
 
 
-def test_no_frame_named_is_the_first(folder, frames):
-    scan = load_scan(folder)
-    np.testing.assert_array_equal(scan.images()[0], frames["first"]["left"])
-
-
-def test_the_grid_is_the_rigs_volume_where_the_scan_names_none(folder, edit):
-    edit(folder, lambda content: content.pop("grid"))
-    assert load_scan(folder).grid is None
-
-
 def test_an_interrupted_run_leaves_the_scan_that_was_there(tmp_path, monkeypatch, rig, frames):
     save_scan(tmp_path, rig, frames)
     before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}

@@ -26,6 +26,9 @@ def films(tmp_path):
     return tmp_path, frames
 
 
+RAW = {"width": 5, "height": 4, "dtype": "uint8"}
+
+
 def write_scan(folder, **content):
     head = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
     (folder / "scan.yaml").write_text(yaml.safe_dump(head | content))
@@ -97,24 +100,27 @@ def test_one_page_at_a_time_is_read(films, monkeypatch):
         ({"cam00": {"first": 2}}, ["films.cam00", "missing"]),
         ({"cam00": "cam00.tif", "cam01": {"path": "cam01.tif", "offset": 9}}, ["in all films"]),
         ({}, ["frames: missing"]),
+        *(
+            ({"cam00": {"path": "cam00.bin", "raw": raw}, "cam01": "cam01.tif"}, parts)
+            for raw, parts in (
+                ({"width": 5, "height": 4}, ["films.cam00", "dtype", "missing"]),
+                (RAW | {"height": 0}, ["films.cam00", "height", "1 or more"]),
+                (RAW | {"dtype": "uint11"}, ["films.cam00", "dtype", "uint12"]),
+                (RAW | {"gap": 1}, ["films.cam00", "gap", "unknown"]),
+                (RAW | {"width": 50, "height": 40}, ["cam00.bin", "found 33 bytes"]),
+            )
+        ),
     ],
 )
 def test_bad_films_are_refused_in_one_line(films, films_field, parts):
     folder, _ = films
+    (folder / "cam00.bin").write_bytes(bytes(33))
     write_scan(folder, films=films_field)
     with pytest.raises((ValueError, FileNotFoundError)) as caught:
         load_scan(folder)
     for part in parts:
         assert part in str(caught.value)
     assert "\n" not in str(caught.value)
-
-
-def test_films_and_frames_exclude_each_other(films):
-    folder, _ = films
-    frames = [{"name": "a", "images": {"cam00": "cam00.tif"}}]
-    write_scan(folder, films={"cam00": "cam00.tif"}, frames=frames)
-    with pytest.raises(ValueError, match="films: found frames too"):
-        load_scan(folder)
 
 
 def test_a_damaged_page_is_named(films):
@@ -159,27 +165,6 @@ def test_films_of_other_formats_are_read_alike_and_in_other_processes(films):
     np.testing.assert_array_equal(left, (frames["cam00"][6] >> 4) / np.float32(4095))
     np.testing.assert_array_equal(right, frames["cam01"][6] / np.float32(65535))
     assert scan.notes == ()
-
-
-@pytest.mark.parametrize(
-    ("raw", "parts"),
-    [
-        ({"width": 5, "height": 4}, ["films.cam00", "dtype", "missing"]),
-        ({"width": 5, "height": 0, "dtype": "uint8"}, ["films.cam00", "height", "1 or more"]),
-        ({"width": 5, "height": 4, "dtype": "uint11"}, ["films.cam00", "dtype", "uint12"]),
-        ({"width": 5, "height": 4, "dtype": "uint8", "gap": 1}, ["films.cam00", "gap", "unknown"]),
-        ({"width": 50, "height": 40, "dtype": "uint8"}, ["cam00.bin", "found 33 bytes"]),
-    ],
-)
-def test_descriptions_of_raw_films_are_checked(films, raw, parts):
-    folder, _ = films
-    (folder / "cam00.bin").write_bytes(bytes(33))
-    write_scan(folder, films={"cam00": {"path": "cam00.bin", "raw": raw}, "cam01": "cam01.tif"})
-    with pytest.raises(ValueError) as caught:  # noqa: PT011 - the parts follow
-        load_scan(folder)
-    for part in parts:
-        assert part in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def nexus(path, frames, times):
@@ -232,17 +217,6 @@ def test_the_frame_rate_is_that_of_the_films_where_they_agree(films):
     for path in folder.glob("*.tif"):
         path.unlink()
     assert scan_of_images(folder / "rig.yaml", folder).frame_rate == 100  # by the cameras' names
-
-
-def test_notes_on_films_are_warnings_once_and_not_of_every_frame(films):
-    from tomo.pipeline.load import load
-
-    folder, frames = films
-    nexus(folder / "a.h5", frames["cam00"], np.arange(7))
-    nexus(folder / "b.h5", frames["cam01"], np.arange(7) + 2)
-    write_scan(folder, films={"cam00": "a.h5", "cam01": "b.h5"})
-    scan = load_scan(folder)
-    assert any("2 frames late" in line for line in load(scan, "1").record.warnings)
 
 
 def test_a_mosaic_needs_the_order_of_its_colours(films):

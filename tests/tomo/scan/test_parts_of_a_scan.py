@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rigs.recordings import write_image
-from tomo import Rays, load_scan
+from tomo import load_scan
 
 
 @pytest.mark.parametrize("factor", [1, 2, 3, 4])
@@ -27,11 +27,6 @@ def test_shrinking_twice_is_shrinking_by_the_product(folder):
     twice, once = scan.scaled(2).scaled(2), scan.scaled(4)
     assert twice.rig["right"].image_size == once.rig["right"].image_size
     np.testing.assert_allclose(twice.images()[0], once.images()[0], rtol=1e-6)
-
-
-def test_rays_of_a_shrunk_scan_are_the_scans_own(folder):
-    small = load_scan(folder).scaled(2)
-    assert Rays.from_camera(small.rig["left"]).n_pixels == small.images()[0].size
 
 
 def test_a_shrunk_pixel_is_usable_only_when_all_of_it_is(folder, edit):

@@ -40,14 +40,6 @@ def test_the_plan_says_what_was_settled_and_from_which_frames(undisturbed):
     assert set(plan["noise"]) == {"cam00", "cam01", "cam03", "cam04"}
 
 
-def test_psnr_and_ssim_say_their_peak_with_its_unit(undisturbed):
-    peak = undisturbed.attributes["plan"]["peak"]
-    assert peak["value"] > 0
-    assert (peak["unit"], peak["origin"]) == ("image units", "brightest measured pixel")
-    for name in ("psnr", "ssim"):
-        assert undisturbed.group[name].attrs["peak"] == peak
-
-
 def test_figures_that_are_not_numbers_have_files_too(undisturbed, tmp_path, monkeypatch):
     """Another thread that opens a store may take a common setting of zarr back at any moment."""
     monkeypatch.setattr(zarr.config, "set", lambda *_: nullcontext())
@@ -90,3 +82,11 @@ def test_a_store_that_lacks_an_array_is_refused(tmp_path, inside):
         store.create_group(name)
     with pytest.raises(ValueError, match="emission: found no such array"):
         SeriesStore(tmp_path / "a.zarr")
+
+
+def test_psnr_and_ssim_say_their_peak_with_its_unit(undisturbed):
+    peak = undisturbed.attributes["plan"]["peak"]
+    assert peak["value"] > 0
+    assert (peak["unit"], peak["origin"]) == ("image units", "brightest measured pixel")
+    for name in ("psnr", "ssim"):
+        assert undisturbed.group[name].attrs["peak"] == peak

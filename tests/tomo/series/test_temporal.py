@@ -96,14 +96,6 @@ def test_a_block_alone_has_the_bits_of_the_series(tmp_path):
         np.testing.assert_array_equal(result.volume, store.volume(place))
 
 
-def test_a_filter_of_one_weight_changes_nothing():
-    active = ActiveVoxels(GRID)
-    frames = {place: blobs(place).ravel() for place in range(3)}
-    for place in range(3):
-        same = TemporalFilter((1.0, 0, 0), (1.0, 0, 0)).apply(active, frames, place)
-        np.testing.assert_allclose(same, frames[place], atol=1e-6)
-
-
 def test_a_steady_film_keeps_its_frames_up_to_its_ends():
     active = ActiveVoxels(GRID)
     frames = dict.fromkeys(range(3), blobs(4).ravel())
