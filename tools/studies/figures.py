@@ -5,8 +5,12 @@ docs/results/figures.json, in place of those that were there; then every table i
 
 A page says where a table stands, which columns of which table it has, and which of its rows::
 
-    <!-- figures: benchmark accuracy accuracy; flame views noise nrmse; flame=jet views=33,11 -->
+    <!-- figures: benchmark accuracy accuracy; flame, nrmse by noise; views=33,11 -->
     <!-- end of figures -->
+
+A comma or a space stands between two columns. ``peak_bytes * 1e-6 = peak (MB)`` multiplies a
+column and names it; ``nrmse by noise`` makes a column of each noise, for rows that are alike in
+all columns before the first such.
 """
 
 from __future__ import annotations
@@ -14,7 +18,8 @@ from __future__ import annotations
 import json
 import re
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -25,11 +30,13 @@ if __name__ == "__main__":
 from rigs.files import atomic_path  # noqa: E402
 from rigs.files.text import write_json  # noqa: E402
 from studies.common.fingerprint import hash_of  # noqa: E402
-from studies.common.page import markdown  # noqa: E402
+from studies.common.page import cell, markdown, significant  # noqa: E402
 
 FIGURES = ROOT / "docs/results/figures.json"
 PLACE = re.compile(r"(<!-- figures: ([^>]*?) -->\n).*?(<!-- end of figures -->)", re.DOTALL)
-OF_A_RUN = ("commit", "default", "machine", "size", "seed", "version")
+OF_A_RUN = ("commit", "machine", "size", "seed", "version")
+DEFAULTS = "defaults"
+"""Not a study: the modules of each default that a part was measured with, by their hash."""
 
 Figures = Mapping[str, Mapping[str, Any]]
 
@@ -41,10 +48,15 @@ def pages(root: Path = ROOT) -> list[Path]:
 
 def with_run(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
     """Return the figures with the parts of a run in place of those that were there."""
-    study = run["study"]
-    origin = {key: run[key] for key in OF_A_RUN}
+    study, default = run["study"], run["default"]
+    origin = {key: run[key] for key in OF_A_RUN} | {"default": default["hash"]}
     parts = {name: {**record, **origin} for name, record in run["parts"].items()}
-    return {**figures, study: {**figures.get(study, {}), **parts}}
+    found = {**figures, study: {**figures.get(study, {}), **parts}}
+    used = {
+        record["default"] for name in found if name != DEFAULTS for record in found[name].values()
+    }
+    known = {**figures.get(DEFAULTS, {}), default["hash"]: default["modules"]}
+    return found | {DEFAULTS: {key: known[key] for key in known if key in used}}
 
 
 def with_tables(text: str, figures: Figures, where: str) -> str:
@@ -62,27 +74,79 @@ def with_tables(text: str, figures: Figures, where: str) -> str:
         try:
             record = figures[study][part]
             rows = [row for row in record["tables"][table] if _is_chosen(row, "".join(chosen))]
-            missing = [key for key in columns.split() if key not in rows[0]]
-        except (KeyError, IndexError):
+            known = {key for row in rows for key in row}
+        except KeyError:
             raise ValueError(f"{where}: no rows of {place[2]!r} in {FIGURES.name}") from None
-        if missing:
-            raise ValueError(f"{where}: {address}: found no column {missing[0]}")
-        cpu, cores = (record["machine"][key] for key in ("cpu", "cores"))
-        made = f"Commit {record['commit']}; {cpu}, {cores} cores."
-        return f"{place[1]}{markdown(rows, columns)}\n\n{made}\n{place[3]}"
+        if not rows:
+            raise ValueError(f"{where}: no rows of {place[2]!r} in {FIGURES.name}")
+        wanted = [_Column.parsed(words) for words in _split(columns)]
+        for key in (key for one in wanted for key in (one.key, *one.by) if key not in known):
+            raise ValueError(f"{where}: {address}: found no column {key}")
+        return f"{place[1]}{markdown(_arranged(rows, wanted))}\n\n{_made(record)}\n{place[3]}"
 
     return PLACE.sub(filled, text)
 
 
+@dataclass(frozen=True)
+class _Column:
+    """A column of a page: a key of the rows, by which others, times what, under which heading."""
+
+    key: str
+    by: tuple[str, ...]
+    factor: float
+    heading: str
+
+    @classmethod
+    def parsed(cls, words: str) -> _Column:
+        what, _, heading = (part.strip() for part in words.partition("="))
+        what, _, factor = (part.strip() for part in what.partition("*"))
+        key, *by = what.replace(" by ", " ").split()
+        return cls(key, tuple(by), float(factor or 1), heading)
+
+    def name(self, row: Mapping[str, Any]) -> str:
+        """Return the heading above a row's value."""
+        values = ", ".join(cell(row[key]) for key in self.by)
+        return ", ".join(filter(None, (values, self.heading))) or self.key.replace("_", " ")
+
+    def value(self, row: Mapping[str, Any]) -> Any:
+        """Return a row's value."""
+        found = row.get(self.key)
+        return found * self.factor if self.factor != 1 and found is not None else found
+
+
+def _split(columns: str) -> list[str]:
+    return columns.split(",") if re.search("[,=*]", columns) else columns.split()
+
+
+def _arranged(rows: Sequence[Mapping[str, Any]], columns: Sequence[_Column]) -> list[dict]:
+    """Return rows by heading; rows that are alike but for what columns are ``by`` become one."""
+    first = next((n for n, one in enumerate(columns) if one.by), None)
+    names = dict.fromkeys(one.name(row) for row in rows for one in columns)
+    found: dict[Any, dict] = {}
+    for number, row in enumerate(rows):
+        same = number if first is None else tuple(one.value(row) for one in columns[:first])
+        line = found.setdefault(same, dict.fromkeys(names))
+        line.update({one.name(row): one.value(row) for one in columns})
+    return list(found.values())
+
+
+def _made(record: Mapping[str, Any]) -> str:
+    """Return where and at what cost a part was measured."""
+    cpu, cores = (record["machine"][key] for key in ("cpu", "cores"))
+    size = "" if record["size"] == "full" else f", size {record['size']}"
+    cost = ""
+    if seconds := record.get("cpu_seconds"):
+        cost = f"; the part took {significant(seconds / 60, 2)} minutes of a core"
+    return f"Commit {record['commit']}{size}; {cpu}, {cores} cores{cost}."
+
+
 def stale(figures: Figures) -> list[str]:
     """Return a line for each part that was measured with another default than the tree's."""
-    lines, known = [], {}
-    for study, parts in figures.items():
-        for part, record in parts.items():
-            of_run = record["default"]["hash"]
-            if of_run not in known:
-                known[of_run] = hash_of(record["default"]["modules"])
-            if known[of_run] != of_run:
+    lines = []
+    current = {of_run: hash_of(modules) for of_run, modules in figures[DEFAULTS].items()}
+    for study in figures.keys() - {DEFAULTS}:
+        for part, record in figures[study].items():
+            if current[record["default"]] != record["default"]:
                 again = record.get("command", f"python tools/{study}.py --part {part}")
                 lines.append(
                     f"{FIGURES.name}: {study} {part}: measured at {record['commit']}, the default "
@@ -105,7 +169,7 @@ def main(runs: Iterable[str]) -> None:
 
 
 def _is_chosen(row: Mapping[str, Any], conditions: str) -> bool:
-    wanted = dict(condition.split("=", 1) for condition in conditions.split())
+    wanted = dict(re.findall(r"(\w+)=(.*?)(?=\s+\w+=|$)", conditions))  # values may have spaces
     return all(str(row[key]) in values.split(",") for key, values in wanted.items())
 
 

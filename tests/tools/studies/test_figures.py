@@ -14,12 +14,13 @@ RUN = {
     "version": 3,
     "parts": {
         "accuracy": {
+            "cpu_seconds": 120.0,
             "tables": {
                 "rows": [
                     {"flame": "jet", "views": 33, "nrmse": 0.0131},
                     {"flame": "jet", "views": 11, "nrmse": 0.02},
                 ]
-            }
+            },
         }
     },
 }
@@ -31,12 +32,19 @@ PLACE = (
 def test_a_table_has_the_columns_and_rows_that_its_page_asks_for():
     text = PLACE.format("flame nrmse; flame=jet,turbulent views=33")
     found = figures.with_tables(text, figures.with_run({}, RUN), "page.md")
-    assert "| jet | 0.0131 |\n\nCommit 1234567; Z80, 1 cores.\n<!--" in found
+    assert "| jet | 0.0131 |\n\nCommit 1234567; Z80, 1 cores; the part took 2.0 minutes" in found
     assert "0.0200" not in found
     assert "old" not in found
     assert found.startswith("before\n")
     assert found.endswith("\nafter")
     assert figures.with_tables(found, figures.with_run({}, RUN), "page.md") == found
+
+
+def test_columns_are_named_multiplied_and_spread_over_what_rows_differ_by():
+    text = PLACE.format("flame, nrmse by views * 100 = NRMSE (%); flame=jet")
+    found = figures.with_tables(text, figures.with_run({}, {**RUN, "size": "quick"}), "page.md")
+    assert "| flame | 33, NRMSE (%) | 11, NRMSE (%) |\n" in found
+    assert "| jet | 1.31 | 2.00 |\n\nCommit 1234567, size quick;" in found
 
 
 @pytest.mark.parametrize(
@@ -52,6 +60,7 @@ def test_a_later_run_takes_the_place_of_its_parts_alone():
     other = {**RUN, "commit": "7654321", "parts": {"threads": {"tables": {}}}}
     both = figures.with_run(figures.with_run({}, RUN), other)
     commits = {name: part["commit"] for name, part in both["benchmark"].items()}
+    assert both["defaults"] == {"old": ["tomo/metrics.py"]}
     assert commits == {"accuracy": "1234567", "threads": "7654321"}
 
 

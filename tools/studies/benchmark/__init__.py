@@ -18,6 +18,7 @@ STUDY = Study(
         "threads": ("Growth with threads", "studies.benchmark.threads"),
         "startup": ("Start-up and first use", "studies.benchmark.startup"),
         "mismatch": ("Physics that solvers do not know", "studies.benchmark.mismatch"),
+        "learned": ("Optics without a formula", "studies.benchmark.learned"),
         "training": ("Training WERNet", "studies.benchmark.training"),
         "optics": ("Flames behind optics", "studies.optics.study"),
         "calibration": ("Calibration against known rigs", "studies.calibration.study"),

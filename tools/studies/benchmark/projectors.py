@@ -1,7 +1,7 @@
 """Rays a second, on the fly and stored, against plain rivals; medians of runs taken in turn.
 
 Rays that meet the grid, pixels half a voxel wide. A ratio is that of rates, against the row named
-at the same size and number of threads; the stored matrix and the tracers use all threads, scipy
+at the same size and number of threads; the stored matrix and the tracer use all threads, scipy
 and itk-rtk one. The bandwidth is that of reading a large array in the same run.
 """
 
@@ -43,14 +43,14 @@ def rig_for(voxels: int, views: int) -> Rig:
 
 
 def run(request: Request) -> Tables:
-    """Return a row a projector or tracer, size and number of threads."""
+    """Return a row a projector or the tracer, size and number of threads."""
     sizes = SIZES[request.size]
     rows: list[Row] = []
     for number, (voxels, views) in enumerate(sizes.rates):
         request.progress(number, len(sizes.rates) + 1, f"{voxels} voxels along an edge")
         rows += _on_the_fly(voxels, views, sizes.repeats)
         rows += _joseph(voxels, views, sizes.repeats, rows)
-    request.progress(len(sizes.rates), len(sizes.rates) + 1, "stored, tracers")
+    request.progress(len(sizes.rates), len(sizes.rates) + 1, "stored")
     return {"projectors": rows + _stored(*sizes.stored, sizes.repeats)}
 
 
@@ -154,7 +154,7 @@ def _joseph(voxels: int, views: int, repeats: int, rows: list[Row]) -> list[Row]
 
 
 def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
-    """Measure the stored projector against reading memory and scipy, and the tracers."""
+    """Measure the stored projector against reading memory and scipy, and the tracer."""
     rig, grid = rig_for(voxels, views), VoxelGrid((voxels,) * 3, EDGE / voxels)
     rays = Rays.concatenate(Rays.from_camera(camera) for camera in rig)
     stored = Projector(trace(rays, grid), grid)
@@ -174,13 +174,12 @@ def _stored(voxels: int, views: int, repeats: int) -> list[Row]:
             "scipy csr forward": lambda: matrix @ volume,
             "stored forward": lambda: stored @ volume,
             "stored adjoint": lambda: stored.T @ images,
-            "raycast": lambda: trace(rays, grid, "raycast"),
-            "march": lambda: trace(rays, grid, "march"),
+            "tracing": lambda: trace(rays, grid),
         },
         repeats,
     )
     bandwidth = large.nbytes / seconds.pop("read")
-    to = {"stored forward": "scipy csr forward", "march": "raycast"}
+    to = {"stored forward": "scipy csr forward"}
     rows = []
     for what, taken in seconds.items():
         other = to.get(what)

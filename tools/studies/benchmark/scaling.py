@@ -86,20 +86,20 @@ def _too_large(case: dict[str, Any]) -> bool:
     return need.nbytes > SHARE * psutil.virtual_memory().available
 
 
-def _drawn(tables: Tables, table: str, along: str) -> Figure | None:
-    """Return seconds, and peak memory, against the grid's edge or the number of views."""
+def _drawn(tables: Tables) -> Figure | None:
+    """Return seconds, and peak memory, against the grid's edge."""
     times: dict[str, list] = {}
     memory: dict[str, list] = {}
-    for row in tables[table]:
+    for row in tables["with_the_grid"]:
         for key in ("trace", "forward", "adjoint"):
-            point = row[along], row[f"{key}_seconds"]
+            point = row["edge"], row[f"{key}_seconds"]
             times.setdefault(f"{row['form']}: {key}", []).append(point)
-        memory.setdefault(f"{row['form']}: peak", []).append((row[along], row["peak_bytes"] / 1e6))
-        memory.setdefault("images + 2 volumes", []).append((row[along], row["needed_bytes"] / 1e6))
-    return curves({"seconds": times, "memory (MB)": memory}, along, "") if times else None
+        memory.setdefault(f"{row['form']}: peak", []).append(
+            (row["edge"], row["peak_bytes"] / 1e6)
+        )
+        needed = row["edge"], row["needed_bytes"] / 1e6
+        memory.setdefault("images + 2 volumes", []).append(needed)
+    return curves({"seconds": times, "memory (MB)": memory}, "edge", "") if times else None
 
 
-PLOTS = {
-    "scaling_edge": lambda tables: _drawn(tables, "with_the_grid", "edge"),
-    "scaling_views": lambda tables: _drawn(tables, "with_views", "views"),
-}
+PLOTS = {"scaling_edge": _drawn}

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING
 
 import numba
 import numpy as np
@@ -17,13 +16,9 @@ from studies.benchmark.memory_child import cameras
 from studies.benchmark.reading import LARGE, read
 from studies.benchmark.scaling import FORMS, VIEWS
 from studies.benchmark.sizes import SIZES
-from studies.common.axes import curves
 from studies.common.study import Request, Tables
 from studies.common.timing import in_turn
 from tomo import LinearSystem, VoxelGrid
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 COLUMNS = {"threads": "form product edge views threads seconds speed_up"}
 
@@ -74,14 +69,3 @@ def run(request: Request) -> Tables:
 def _on_threads(count: int, product: Callable[[], object]) -> object:
     numba.set_num_threads(count)
     return product()
-
-
-def _drawn(tables: Tables) -> Figure:
-    found: dict[str, list] = {}
-    for row in tables["threads"]:
-        name = f"{row['form']}: {row['product']}"
-        found.setdefault(name, []).append((row["threads"], row["speed_up"]))
-    return curves({"times faster than one thread": found}, "threads", "")
-
-
-PLOTS = {"threads": _drawn}

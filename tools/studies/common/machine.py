@@ -37,6 +37,11 @@ def load() -> float | None:
         return None
 
 
+def cpu_seconds() -> float:
+    """Return the seconds that cores worked for this process and those that it waited for."""
+    return sum(os.times()[:4])
+
+
 def _cpu_model() -> str:
     """Return the processor's name; platform.processor is empty on Linux."""
     try:

@@ -150,7 +150,7 @@ def _measure(
     """Run the parts that are wanted and not there yet; return how many rows do not hold."""
     from rigs.files import atomic_path
     from rigs.files.text import plain, write_json
-    from studies.common.machine import load
+    from studies.common.machine import cpu_seconds, load
     from studies.common.page import page
 
     kept = dict(result["parts"])
@@ -158,7 +158,7 @@ def _measure(
         if name in result["parts"]:
             continue
         module, loaded = study.module(name), load()
-        started, busy = time.perf_counter(), time.process_time()
+        started, busy = time.perf_counter(), cpu_seconds()
         try:
             getattr(module, "check", _accept)(request)
         except ValueError as error:
@@ -167,7 +167,7 @@ def _measure(
         with progress_of(True, name) as progress:
             tables = study.measure(name, replace(request, progress=progress))
         record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
-        record["cpu_seconds"] = time.process_time() - busy  # without processes that it starts
+        record["cpu_seconds"] = cpu_seconds() - busy
         record["pictures"] = _draw(module, tables, out, study.name)
         kept[name] = record | {"tables": plain(_stored(tables), digits=5)}
         result["parts"] = {key: kept[key] for key in study.parts if key in kept}

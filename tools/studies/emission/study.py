@@ -138,7 +138,9 @@ def measured(name: str, method: str, cache: Path, grid: VoxelGrid) -> dict[str, 
 def write(result: Mapping[str, Any], out: Path) -> None:
     """Write the JSON, and the page of the tables made of its rows."""
     part = result["parts"][PART]
-    rows = part["tables"]["rows"]
+    order = list(METHODS), list(SCENES)
+    key = lambda row: (order[0].index(row["method"]), order[1].index(row["scene"]))  # noqa: E731
+    rows = sorted(part["tables"]["rows"], key=key)
     part["tables"] = {"rows": rows, **plain(tables_of(rows), digits=5)}
     write_json(out / "emission.json", result, indent=1)
     lines = ["# Error against run time"]

@@ -20,28 +20,20 @@ BASELINE = "auto"
 MARKS = ("*", "^", "s", "P", "X")
 """Signs of the methods that choose their own end, in the order of `METHODS`."""
 
-FIGURES = ("nrmse", "cosine_distance", "ssim", "held_out_psnr", "cpu_seconds")
-
 
 def tables_of(rows: Sequence[Row]) -> Tables:
-    """Return means by method, the nearest of each scene, and each figure by scene and method."""
+    """Return means by method, and the nearest of each scene."""
     by_scene: dict[str, dict[str, Row]] = {}
     for name in SCENES:
         own = {row["method"]: row for row in rows if row["scene"] == name}
         if own:
             by_scene[name] = own
-    tables: Tables = {
+    return {
         "methods": [
             _means(m, by_scene) for m in METHODS if any(m in o for o in by_scene.values())
         ],
         "nearest": [_nearest(name, own) for name, own in by_scene.items() if BASELINE in own],
     }
-    for figure in FIGURES:
-        tables[figure] = [
-            {"scene": name} | {m: own[m][figure] if m in own else None for m in METHODS}
-            for name, own in by_scene.items()
-        ]
-    return tables
 
 
 def _means(method: str, by_scene: Mapping[str, Mapping[str, Row]]) -> Row:

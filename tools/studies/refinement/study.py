@@ -1,28 +1,34 @@
-"""Cameras refined from a flame's images, where the truth, or a camera left out, can judge.
+"""Cameras and gains found from a flame's images, where the truth, or a camera left out, can judge.
 
 12 cameras in a ring, alternately from above and below, turbulent flame, 2 % noise. In the
 disturbed rigs every camera is shifted and turned at random; ray-miss is that of the rig against
 the true one over the volume, in pixels, and wanted is less than 0.1 after, or that nothing found
 is accepted where the rig is right. `plume` is ScalarFlow's, where `--data` has it: each camera
 predicted from the four others, PSNR in dB, the cameras that carry an average field of view refined
-on the first frame; the camera that is predicted takes no part and stays as it was given.
+on the first frame; the camera that is predicted takes no part and stays as it was given. `gains`
+has exact poses and sensitivities that differ by a standard deviation of 10 %, by the default: the
+error of the worst camera's gain in per cent, and NRMSE beside that with equal cameras.
 """
 
 from __future__ import annotations
 
+import statistics
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import rigs
-from rigs import box_points, ray_miss
+from rigs import Rig, box_points, ray_miss
 from studies.benchmark.plume import LOWER, SCAN, UPPER
 from studies.common.poses import disturbed
 from studies.common.scans import reconstructed, simulated_by
 from studies.common.study import Progress, Request, Tables
 from tomo import VoxelGrid, load_scan
+from tomo.simulation.effects import Effects
 
 VIEWS, NOISE = 12, 0.02
 ERROR = 0.35
@@ -32,12 +38,16 @@ image by: lines of sight then miss each other by more than half a pixel."""
 NOMINAL = ("cam00", "cam04")
 """The plume's cameras whose field of view is an average."""
 
+GAIN_SEEDS = 2
 POINTS = 5  # along each side of the volume, where ray-miss is judged
-SEEDS = 6
+SEEDS = 4
+SPREAD = 0.1
+NOISES = (0.0, 0.005, 0.05)  # of the brightest pixel
 
 COLUMNS = {
     "disturbed_rigs": "seed before_pixels after_pixels accepted seconds",
     "true_rigs": "seed before_pixels after_pixels accepted seconds",
+    "gains": "noise seeds spread worst_error nrmse_equal nrmse",
 }
 
 
@@ -48,9 +58,10 @@ def run(request: Request) -> Tables:
     tables: Tables = {
         "disturbed_rigs": rigs_refined(seeds, progress, error=ERROR, tiny=not full),
         "true_rigs": rigs_refined(seeds, progress, error=0.0, tiny=not full),
+        "gains": gains(seeds[:GAIN_SEEDS], progress, tiny=not full),
     }
-    if full and request.data is not None and (request.data / SCAN).is_file():
-        tables["plume"] = plume(request.data, progress)
+    if request.data is not None and (request.data / SCAN).is_file():
+        tables["plume"] = plume(request.data, progress, tiny=not full)
     return tables
 
 
@@ -58,15 +69,7 @@ def rigs_refined(
     seeds: Iterable[int], progress: Progress, *, error: float, tiny: bool = False
 ) -> list[dict[str, Any]]:
     """Return ray-miss before and after refining rigs whose poses are so wrong, a row a seed."""
-    grid = VoxelGrid((16, 40, 16), 0.8) if tiny else VoxelGrid((30, 140, 30), 0.5)
-    size, footprint = ((40, 64), 0.6) if tiny else ((100, 200), 0.4)
-    true = rigs.ring(
-        VIEWS,
-        distance=400,
-        image_size=size,
-        footprint=footprint,
-        pitch_degrees=[12, -12] * (VIEWS // 2),
-    )
+    true, grid, footprint = _seen(tiny)
     rows, seeds = [], list(seeds)
     for number, seed in enumerate(seeds):
         progress(number, len(seeds), f"poses {error:g} px wrong, seed {seed}")
@@ -91,10 +94,43 @@ def rigs_refined(
     return rows
 
 
-def plume(folder: Path, progress: Progress) -> list[dict[str, Any]]:
+def gains(seeds: Sequence[int], progress: Progress, *, tiny: bool = False) -> list[dict[str, Any]]:
+    """Return how well the default finds gains, a row a noise: means over the seeds."""
+    true, grid, _ = _seen(tiny)
+    effects, rows = Effects(gain_spread=SPREAD), []
+    for number, noise in enumerate(NOISES):
+        progress(number, len(NOISES), f"gains, noise {noise:g}")
+        found: dict[str, list[float]] = {"spread": [], "worst_error": []}
+        for seed in seeds:
+            how = {"supersample": 3, "noise": noise, "seed": seed}
+            for name, has in (("nrmse_equal", None), ("nrmse", effects)):
+                scan = simulated_by(true, grid, ("turbulent", seed), effects=has, **how)
+                outcome = reconstructed(scan)
+                found.setdefault(name, []).append(outcome.solution.quality["nrmse"])
+            right = effects.gains(VIEWS, seed)
+            fitted = np.ones(VIEWS)
+            if outcome.gains is not None:
+                fitted = np.array(list(outcome.report()["gains"]["gain"].values()))
+            for name, ratio in (("spread", right), ("worst_error", fitted / right)):
+                found[name].append(100 * float(np.abs(ratio / ratio.mean() - 1).max()))
+        means = {name: statistics.fmean(values) for name, values in found.items()}
+        rows.append({"noise": noise, "seeds": len(seeds)} | means)
+    return rows
+
+
+def _seen(tiny: bool) -> tuple[Rig, VoxelGrid, float]:
+    """Return the true rig, the grid, and the width of a pixel."""
+    grid = VoxelGrid((16, 40, 16), 0.8) if tiny else VoxelGrid((30, 140, 30), 0.5)
+    size, footprint = ((40, 64), 0.6) if tiny else ((100, 200), 0.4)
+    pitch = [12, -12] * (VIEWS // 2)
+    how = {"image_size": size, "footprint": footprint, "pitch_degrees": pitch}
+    return rigs.ring(VIEWS, distance=400, **how), grid, footprint
+
+
+def plume(folder: Path, progress: Progress, *, tiny: bool = False) -> list[dict[str, Any]]:
     """Return how well each camera of the plume is predicted from the four others.
 
-    A row a camera; the rig refined on the first frame is judged on it and on the second.
+    A row a camera and frame; the rig refined on the first frame is judged on it and on the second.
     """
     scan = load_scan(folder / SCAN)
     cameras = (
@@ -102,22 +138,23 @@ def plume(folder: Path, progress: Progress) -> list[dict[str, Any]]:
         for camera in scan.rig
     )
     scan = replace(scan, rig=replace(scan.rig, cameras=tuple(cameras)))
-    grid = VoxelGrid.from_bounds((64, 96, 64), LOWER, UPPER)
+    shape, shrink = ((32, 48, 32), 12) if tiny else ((64, 96, 64), 6)
+    grid = VoxelGrid.from_bounds(shape, LOWER, UPPER)
     first, second = scan.frame_names[:2]
     rows = []
-    for number, name in enumerate(scan.rig.names):
-        progress(number, len(scan.rig), f"plume without {name}")
+    names = scan.rig.names[: 2 if tiny else None]
+    for number, name in enumerate(names):
+        progress(number, len(names), f"plume without {name}")
         chosen = [camera for camera in NOMINAL if camera != name]
         how = {"hold_out": [name], "peak": 1.0}
-        found = reconstructed(scan.scaled(6), grid, frame=first, refine_cameras=chosen, **how)
+        found = reconstructed(scan.scaled(shrink), grid, frame=first, refine_cameras=chosen, **how)
         rig = found.refined_rig or scan.rig
         held = tuple(scan.rig[name] if camera.name == name else camera for camera in rig)
-        again = replace(scan, rig=replace(rig, cameras=held)).scaled(6)
-        row: dict[str, Any] = {"held_out": name, "refined": " ".join(chosen)}
+        again = replace(scan, rig=replace(rig, cameras=held)).scaled(shrink)
         for frame in (first, second):
-            given = reconstructed(scan.scaled(6), grid, frame=frame, **how)
+            given = reconstructed(scan.scaled(shrink), grid, frame=frame, **how)
             refined = found if frame == first else reconstructed(again, grid, frame=frame, **how)
-            row[f"{frame}_given"] = given.report()["held_out"][name]["psnr"]
-            row[f"{frame}_refined"] = refined.report()["held_out"][name]["psnr"]
-        rows.append(row)
+            psnr = [one.report()["held_out"][name]["psnr"] for one in (given, refined)]
+            row = {"held_out": name, "refined": " ".join(chosen), "frame": frame}
+            rows.append(row | {"given": psnr[0], "found": psnr[1]})
     return rows
