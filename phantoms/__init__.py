@@ -27,13 +27,10 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "blobs": ["GaussianBlobs"],
+        "blobs": ["GaussianBlobs", "RandomHomogeneous"],
         "catalogue": ["create", "names"],
         "field": ["BoxField", "Field", "FlameField", "MovingField", "field_at"],
-        "homogeneous": ["RandomHomogeneous"],
-        "jet": ["JetFlame"],
-        "plume": ["Plume"],
+        "flames": ["JetFlame", "Plume", "TurbulentFlame"],
         "sampling": ["SampledField", "sample"],
-        "turbulent": ["TurbulentFlame"],
     },
 )

@@ -6,12 +6,9 @@ from collections.abc import Callable
 
 from numpy.typing import ArrayLike
 
-from phantoms.blobs import GaussianBlobs
+from phantoms.blobs import GaussianBlobs, RandomHomogeneous
 from phantoms.field import REFERENCE_EXTENT, Field
-from phantoms.homogeneous import RandomHomogeneous
-from phantoms.jet import JetFlame
-from phantoms.plume import Plume
-from phantoms.turbulent import TurbulentFlame
+from phantoms.flames import JetFlame, Plume, TurbulentFlame
 
 _CATALOGUE: dict[str, Callable[..., Field]] = {
     "blobs": GaussianBlobs.random,

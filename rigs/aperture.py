@@ -119,11 +119,6 @@ class Aperture:
         -------
         origins, directions : (N, M, 3) float64
             Starts, as far ahead as the line of sight's own, and unit directions.
-
-        Raises
-        ------
-        ValueError
-            If a line of sight runs along, or away from, the plane in focus.
         """
         R, position = np.asarray(camera.R), np.asarray(camera.position)
         ahead = directions @ R[2]
@@ -137,13 +132,7 @@ class Aperture:
 
     @staticmethod
     def check_ahead(name: str, ahead: NDArray[np.floating]) -> None:
-        """Refuse lines of sight of a camera whose cosine to the optical axis is too small.
-
-        Raises
-        ------
-        ValueError
-            If one runs along, or away from, the plane in focus; NaN passes.
-        """
+        """Refuse lines of sight that run along, or away from, the plane in focus; NaN passes."""
         if (ahead <= _LEAST_AHEAD).any():
             raise ValueError(
                 f"aperture: camera {name}: found a pixel that does not look at the plane in "
@@ -152,13 +141,7 @@ class Aperture:
 
 
 def check_apertures(cameras: Iterable[CameraLike]) -> None:
-    """Refuse cameras whose optics describe no aperture.
-
-    Raises
-    ------
-    ValueError
-        See `Aperture.of`.
-    """
+    """Refuse cameras whose optics describe no aperture, see `Aperture.of`."""
     for camera in cameras:
         Aperture.of(camera)
 

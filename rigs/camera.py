@@ -12,9 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.figures import Accuracy, Optics
 from rigs.geometry.image_checks import (
     OnImage,
-    check_accuracy,
-    check_name,
-    check_status,
+    check_labels,
     check_window,
     image_size,
     pixel_centres,
@@ -103,14 +101,9 @@ class Camera(OnImage):
 
     def __post_init__(self) -> None:
         """Check every field and make its arrays read-only."""
-        check_name(self.name)
-        what = f"camera {self.name}"
+        what = check_labels(self)
         if not isinstance(self.distortion, Distortion):
             raise ValueError(f"{what}: distortion: found {self.distortion!r}, expected Distortion")
-        if self.optics is not None and not isinstance(self.optics, Optics):
-            raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
-        check_status(self.status, what)
-        check_accuracy(self.accuracy, what)
         checked = {
             "image_size": image_size(self.image_size, what),
             "camera_matrix": _camera_matrix(self.camera_matrix, what),
@@ -201,10 +194,9 @@ class Camera(OnImage):
 
         Returns
         -------
-        origins : (N, 3) float64
-            The camera's position, repeated for each ray.
-        directions : (N, 3) float64
-            Unit vectors in the world; NaN where the lens maps no direction to the pixel.
+        origins, directions : (N, 3) float64
+            The camera's position, repeated, and unit vectors in the world; NaN where the lens maps
+            no direction to the pixel.
         """
         uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
         (fx, skew, cx), (_, fy, cy) = self.camera_matrix[:2]

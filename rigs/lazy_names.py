@@ -14,20 +14,7 @@ def attach(
     """Return ``__getattr__``, ``__dir__`` and ``__all__`` of a package.
 
     As `lazy_loader.attach`, whose error says no more than that there is no such name: Python 3.11
-    adds a hint in a terminal alone, not in a notebook.
-
-    Raises
-    ------
-    AttributeError
-        By ``__getattr__``, with the name that may be meant.
-
-    Examples
-    --------
-    >>> get, _, _ = attach("rigs", ["formats"], {"rig": ["Rig"]})
-    >>> get("Rigg")
-    Traceback (most recent call last):
-        ...
-    AttributeError: rigs has no 'Rigg': did you mean Rig? help(rigs) says what there is
+    adds a hint in a terminal alone, not in a notebook. Here it names the one that may be meant.
     """
     load, names, public = lazy_loader.attach(package, submodules, submod_attrs)
 

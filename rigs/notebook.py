@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera_protocol import CameraLike
-from rigs.geometry.rays import nearest_point
+from rigs.geometry.points import nearest_point
 
 WIDTH, HEIGHT, MARGIN = 300, 220, 26
 """Pixels of a drawing: two beside each other fit into a notebook's cell."""
@@ -61,11 +61,7 @@ def times(values: Iterable[float]) -> str:
 def drawing(cameras: Sequence[CameraLike], corners: NDArray | None) -> str:
     """Return cameras and volume as SVG, from above and from the side, at one scale.
 
-    Parameters
-    ----------
-    cameras : sequence of CameraLike
-    corners : (N, 3), optional
-        Of the volume that they look at.
+    ``corners`` ``(N, 3)`` are those of the volume that they look at.
     """
     if not cameras:
         return ""

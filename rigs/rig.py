@@ -185,7 +185,7 @@ class Rig(Sequence[CameraLike]):
 
         They look at the volume's centre; without a volume, where their middle rays meet.
         """
-        from rigs.geometry.rays import point_in_view
+        from rigs.geometry.points import point_in_view
         from rigs.scene.scene_camera import SceneCamera, own_camera
 
         cameras = tuple(own_camera(camera) for camera in self.cameras)

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 import rigs
-from rigs.geometry.alignment import motion_between
+from rigs.geometry.rotation import motion_between
 
 # a known rig in mm, as structure from motion may give it: turned, moved, unscaled
 true = rigs.ring(8, 30, distance=600, image_size=(640, 480), footprint=0.25, pitch_degrees=15)

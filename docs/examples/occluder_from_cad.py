@@ -23,7 +23,7 @@ import phantoms
 import rigs
 import tomo
 from rigs.scene import Mesh, Opaque, Scene
-from rigs.scene.mesh_file import read_mesh
+from rigs.scene.entry import read_mesh
 
 holder = trimesh.creation.cylinder(radius=4, height=60, sections=48)  # stands for your CAD file
 holder.apply_transform(trimesh.transformations.rotation_matrix(1.5708, [1, 0, 0], [0, 0, 0]))

@@ -30,7 +30,7 @@ from rigs.calibrate.result import Calibration
 from rigs.calibrate.through_scene import Through, adjust_through, looked_through
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
-from rigs.scene.checks import check_scene
+from rigs.scene.entry import check_scene
 from rigs.scene.scene import Scene as OpticalScene
 
 

@@ -26,8 +26,8 @@ from rigs.calibrate.refraction.routes import HIDDEN, PASSES, REFLECTED, routes_t
 from rigs.calibrate.refraction.start import likely_route, start_before_media
 from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.rig import Rig
-from rigs.scene.materials import Glass
 from rigs.scene.scene import Scene
+from rigs.scene.surfaces import Glass
 
 _ROUNDS = 12  # of placing the scene in the world; each moves it some tenth of the one before
 _SETTLED = 1e-8  # target sizes: motion of cameras in the world below which the scene is in place

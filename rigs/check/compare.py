@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.camera_protocol import CameraLike, has_lens
 from rigs.check.lines_of_sight import finite_rms, ray_distances
 from rigs.files.units import in_unit
-from rigs.geometry.alignment import motion_between
+from rigs.geometry.rotation import motion_between
 from rigs.rig import Rig
 
 _LATTICE = 25  # points along an image's longer side at which lenses are compared

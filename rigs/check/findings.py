@@ -17,7 +17,7 @@ from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import gas, glass, hardware
 from rigs.check.words import short
 from rigs.files.units import UNITS
-from rigs.geometry.rays import SILENT
+from rigs.geometry.points import SILENT
 
 _LEVELS = ("fault", "warning", "note")
 _AXES = "xyz"

@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibration_record import recorded
+from rigs.changes import recorded
 from rigs.check.coverage import PIXEL_ACCURACY, Coverage, coverage
 from rigs.check.findings import findings
 from rigs.check.lines_of_sight import field_of_view, finite_rms

@@ -11,8 +11,8 @@ from rigs.camera_protocol import CameraLike
 from rigs.figures import Accuracy, Optics
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import read_yaml_mapping
+from rigs.layouts import matrix_of_lens, optics_of_lens
 from rigs.lens import Distortion
-from rigs.placed_camera import matrix_of_lens, optics_of_lens
 from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import load_ray_table
 from rigs.rig import Rig, Volume
@@ -82,7 +82,7 @@ def _rig(entry: RigEntry, folder: Path) -> Rig:
 
 def _in_scene(rig: Rig, entry: SceneEntry, folder: Path) -> Rig:
     """Return the rig whose cameras look through the scene of a checked entry."""
-    from rigs.scene.checks import check_scene
+    from rigs.scene.entry import check_scene
 
     scene = scene_of(entry, folder, rig.length_unit)
     check_scene(scene, rig)

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from rigs.files.text import read_yaml_mapping, shortened
 from rigs.files.units import UNKNOWN, metres, resized
-from rigs.geometry.alignment import POORLY_MET, are_on_a_line, motion_between
-from rigs.geometry.rotation import numbers, rotation
+from rigs.geometry.rotation import POORLY_MET, are_on_a_line, motion_between, numbers, rotation
 from rigs.rig import Rig
 
 _KINDS = (

@@ -15,10 +15,9 @@ from rigs.files.text import breaks_a_line, write_text
 from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import save_ray_table
 from rigs.rig import Rig
-from rigs.scene.entry import scene_data
+from rigs.scene.entry import scene_data, write_mesh
 from rigs.scene.gas import write_voxels
 from rigs.scene.mesh import Mesh
-from rigs.scene.mesh_file import write_mesh
 from rigs.scene.scene_camera import own_camera
 
 

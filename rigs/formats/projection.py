@@ -35,7 +35,7 @@ from rigs.formats._values import (
     read_head,
     required_size,
 )
-from rigs.geometry.rays import nearest_point
+from rigs.geometry.points import nearest_point
 from rigs.geometry.rotation import upper_times_rotation
 from rigs.rig import Rig
 

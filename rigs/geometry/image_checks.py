@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.figures import Accuracy
+from rigs.figures import Accuracy, Optics
 
 STATUSES = ("calibrated", "nominal", "virtual")
 
@@ -77,18 +77,19 @@ def image_size(size: Any, what: str) -> tuple[int, int]:
     return width, height
 
 
-def check_status(status: object, what: str) -> None:
-    """Raise unless ``status`` is one of `STATUSES`."""
-    if status not in STATUSES:
+def check_labels(camera: Any) -> str:
+    """Raise unless name, optics, status and accuracy are a camera's; return what names it."""
+    check_name(camera.name)
+    what = f"camera {camera.name}"
+    for name, kind in (("optics", Optics), ("accuracy", Accuracy)):
+        found = getattr(camera, name)
+        if found is not None and not isinstance(found, kind):
+            raise ValueError(f"{what}: {name}: found {found!r}, expected {kind.__name__} or None")
+    if camera.status not in STATUSES:
         raise ValueError(
-            f"{what}: status: found {status!r}, expected one of {', '.join(STATUSES)}"
+            f"{what}: status: found {camera.status!r}, expected one of {', '.join(STATUSES)}"
         )
-
-
-def check_accuracy(accuracy: object, what: str) -> None:
-    """Raise unless ``accuracy`` is one, or None."""
-    if accuracy is not None and not isinstance(accuracy, Accuracy):
-        raise ValueError(f"{what}: accuracy: found {accuracy!r}, expected Accuracy or None")
+    return what
 
 
 def rows_of(values: ArrayLike, columns: int, what: str) -> NDArray[np.float64]:

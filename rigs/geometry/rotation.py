@@ -1,4 +1,4 @@
-"""Rotations: checked matrices, rotation vectors, angles, quaternions."""
+"""Rotations: checked matrices, vectors, angles, quaternions; the best motion between points."""
 
 from __future__ import annotations
 
@@ -111,3 +111,32 @@ def upper_times_rotation(matrix: NDArray[np.float64]) -> tuple[NDArray, NDArray]
 def _wording(shape: tuple[int, ...]) -> str:
     """Return the words for an array of numbers of ``shape``."""
     return f"{' x '.join(str(n) for n in shape)} numbers"
+
+
+POORLY_MET = 0.05
+"""Misfit, relative to the RMS distance of given points from their middle, that is worth a word."""
+
+_ON_A_LINE = 1e-6  # second spread over the first, below which points fix no turn about their line
+
+
+def motion_between(
+    points: NDArray[np.float64], onto: NDArray[np.float64], rescale: bool = False
+) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
+    """Return R ``(3, 3)``, t ``(3,)`` and s of ``onto = s R points + t``, best in least squares.
+
+    Points ``(N, 3)`` on a line leave R one of many; s is 1 without ``rescale``, and R is never
+    mirrored (Umeyama, "Least-squares estimation of transformation parameters between two point
+    patterns", 1991).
+    """
+    middle, there = points.mean(axis=0), onto.mean(axis=0)
+    left, values, right = np.linalg.svd((onto - there).T @ (points - middle))
+    sign = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    R = left @ (sign[:, None] * right)
+    size = float((values * sign).sum() / ((points - middle) ** 2).sum()) if rescale else 1.0
+    return R, there - size * R @ middle, size
+
+
+def are_on_a_line(points: NDArray[np.float64]) -> bool:
+    """Return whether points ``(N, 3)`` lie on a line, as two always do."""
+    spread = np.linalg.svd(points - points.mean(axis=0), compute_uv=False)
+    return len(points) < 3 or bool(spread[1] <= _ON_A_LINE * spread[0])

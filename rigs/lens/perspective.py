@@ -71,19 +71,8 @@ def _distorted(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDAr
 def lens(full: tuple[float, ...], pinhole: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     """Return the image of an untilted lens, its Jacobian and where its denominator is positive.
 
-    Parameters
-    ----------
-    full : 14 floats
-        OpenCV's coefficients; the two tilts are ignored.
-    pinhole : (..., 2) float64
-        Points x/z, y/z.
-
-    Returns
-    -------
-    image : (..., 2)
-    jacobian : (..., 2, 2)
-        ``d image[i] / d pinhole[j]``.
-    pole_free : (...,) bool
+    ``full`` are OpenCV's 14 coefficients, without the two tilts, ``pinhole`` ``(..., 2)`` points
+    x/z, y/z. ``(..., 2)``, ``d image[i] / d pinhole[j]`` ``(..., 2, 2)``, ``(...)``.
     """
     k1, k2, p1, p2, k3, k4, k5, k6, s1, s2, s3, s4 = full[:12]
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):

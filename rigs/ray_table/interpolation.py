@@ -31,14 +31,9 @@ class LocalRays:
 def interpolated_rays(
     origins: NDArray[np.float64], directions: NDArray[np.float64], xy: NDArray[np.float64]
 ) -> LocalRays:
-    """Return the rays at fractional pixels of a table, bilinear between its pixels.
+    """Return the rays at fractional pixels ``(N, 2)`` of a table, bilinear between its pixels.
 
-    Parameters
-    ----------
-    origins, directions : (h, w, 3) float64
-        NaN where a pixel has no ray.
-    xy : (N, 2) float64
-        Column and row in the table.
+    ``origins, directions`` ``(h, w, 3)`` are NaN where a pixel has no ray.
 
     Notes
     -----

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.geometry.image_checks import pixel_centres
-from rigs.geometry.rays import nearest_point
+from rigs.geometry.points import nearest_point
 from rigs.geometry.rotation import upper_times_rotation
 
 _ENOUGH = 16  # rays that determine the pinhole; fewer need a larger part of the image
@@ -55,15 +55,8 @@ def fitted_pinhole(
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Return camera matrix, R and position, read-only, of the pinhole nearest to a camera's rays.
 
-    Parameters
-    ----------
-    name : str
-        The camera's, for the error.
-    image_size : (int, int)
-    rays : callable
-        Origins and directions ``(N, 3)`` of pixels ``(N, 2)``, as `rigs.CameraLike.rays`.
-    in_view : callable
-        Which of pixels ``(N, 2)`` belong to the view that is fitted.
+    ``rays`` gives origins and directions ``(N, 3)`` of pixels ``(N, 2)``; ``in_view`` says which
+    belong to the view that is fitted.
 
     Raises
     ------
@@ -71,7 +64,7 @@ def fitted_pinhole(
         If no pixel has a ray.
     """
     for part in (0.5, 1.0, None):  # lenses bend least in the middle
-        uv = _samples(image_size, part) if part else pixel_centres(image_size)
+        uv = spread_pixels(image_size, part) if part else pixel_centres(image_size)
         origins, directions = rays(uv)
         seen = np.isfinite(directions).all(axis=1) & in_view(uv)
         if seen.sum() >= _ENOUGH:
@@ -84,7 +77,7 @@ def fitted_pinhole(
     return found
 
 
-def _samples(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
+def spread_pixels(image_size: tuple[int, int], part: float) -> NDArray[np.float64]:
     """Return pixels ``(N, 2)`` spread over the middle ``part`` (0 to 1) of an image."""
     axes = []
     for side in image_size:
@@ -99,12 +92,7 @@ def nearest_pinhole(
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Return the camera matrix, R ``(3, 3)`` each, and the position ``(3,)``.
 
-    Parameters
-    ----------
-    uv : (N, 2) float64
-        Pixels.
-    origins, directions : (N, 3) float64
-        Their rays, all finite.
+    ``uv`` ``(N, 2)`` are pixels, ``origins, directions`` ``(N, 3)`` their rays, all finite.
 
     Notes
     -----

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -54,32 +52,6 @@ def origins_for(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
         raise ValueError(f"{what}: found shape {array.shape}, expected {shape} or (3,)")
     array.setflags(write=False)
     return array
-
-
-def turned_table(
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    image_size: tuple[int, int],
-    scale: float,
-    offset: tuple[float, float],
-    quarters: int,
-) -> dict[str, Any]:
-    """Return the fields of a table of rays whose image makes quarter turns clockwise.
-
-    Column u and row v of an image of h rows become ``h - 1 - v`` and ``u``; so do the table's.
-    """
-    for _ in range(quarters):
-        x, y = offset
-        offset = directions.shape[0] - image_size[1] * scale - y, x
-        directions, image_size = np.rot90(directions, -1), image_size[::-1]
-    if origins.ndim == 3:
-        origins = np.rot90(origins, -quarters)
-    return {
-        "origins": origins,
-        "directions": directions,
-        "image_size": image_size,
-        "offset": offset,
-    }
 
 
 def view_labels(directions: NDArray[np.float64]) -> NDArray[np.integer]:

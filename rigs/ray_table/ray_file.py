@@ -25,16 +25,8 @@ def load_ray_table(
 ) -> RayTable:
     """Return the camera of an ``.npz`` with ``origins`` and ``directions``.
 
-    Parameters
-    ----------
-    name : str
-        The camera's name.
-    file : str
-        Relative to ``folder``, which it may not leave.
-    folder : path
-    optics : Optics, optional
-    status : str
-        See `rigs.RayTable`, also for the optional arrays ``image_size, scale, offset``.
+    ``file`` is relative to ``folder``, which it may not leave. See `rigs.RayTable`, also for the
+    optional arrays ``image_size, scale, offset``.
 
     Raises
     ------

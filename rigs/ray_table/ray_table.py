@@ -13,9 +13,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.figures import Accuracy, Optics
 from rigs.geometry.image_checks import (
     OnImage,
-    check_accuracy,
-    check_name,
-    check_status,
+    check_labels,
     check_window,
     image_size,
     pixel_centres,
@@ -30,7 +28,6 @@ from rigs.ray_table.ray_arrays import (
     finite_or_zero,
     in_largest_view,
     origins_for,
-    turned_table,
     unit_or_nan,
     vectors,
     view_labels,
@@ -98,17 +95,12 @@ class RayTable(OnImage, NearestPinhole):
 
     def __post_init__(self) -> None:
         """Check every field, make directions unit vectors and arrays read-only."""
-        check_name(self.name)
-        what = f"camera {self.name}"
+        what = check_labels(self)
         directions = vectors(self.directions, f"{what}: directions")
         height, width = directions.shape[:2]
         size = (width, height) if self.image_size is None else self.image_size
         origins = origins_for(self.origins, directions.shape, f"{what}: origins")
         directions = unit_or_nan(directions, origins, f"{what}: directions")
-        if self.optics is not None and not isinstance(self.optics, Optics):
-            raise ValueError(f"{what}: optics: found {self.optics!r}, expected Optics or None")
-        check_status(self.status, what)
-        check_accuracy(self.accuracy, what)
         scale = float(numbers(self.scale, (), f"{what}: scale"))
         if not scale > 0:
             raise ValueError(f"{what}: scale: found {scale}, expected positive")
@@ -198,21 +190,11 @@ class RayTable(OnImage, NearestPinhole):
         return self.sees_once and not np.isnan(self.directions).any()
 
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
-        """Return the pixel coordinates of world points.
+        """Return pixel coordinates ``(N, 2)``, depth and validity ``(N,)`` of points ``(N, 3)``.
 
-        Parameters
-        ----------
-        points : (N, 3) array_like
-
-        Returns
-        -------
-        uv : (N, 2) float64
-            Pixel coordinates (column, row), inside the image or up to 8 table pixels outside; NaN
-            where not valid.
-        depth : (N,) float64
-            Distance along the optical axis of the nearest pinhole.
-        valid : (N,) bool
-            True where a ray of the table passes through the point, beyond its origin.
+        Coordinates are inside the image or up to 8 table pixels outside, NaN where not valid;
+        depth is along the optical axis of the nearest pinhole. Valid is a point that a ray of the
+        table passes beyond its origin.
         """
         points = rows_of(points, 3, "points to project")
         xy = project_to_table(self.origins, self.directions, points, self._is_whole)
@@ -222,19 +204,9 @@ class RayTable(OnImage, NearestPinhole):
         return uv, depth, np.asarray(np.isfinite(uv).all(axis=1))
 
     def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
-        """Return the lines of sight of pixels, the inverse of `project`.
+        """Return origins and unit directions ``(N, 3)`` of pixels; see `Camera.rays`.
 
-        Parameters
-        ----------
-        uv : (N, 2) array_like, optional
-            Pixel coordinates (column, row); by default every pixel's centre, row by row.
-
-        Returns
-        -------
-        origins : (N, 3) float64
-            Always finite.
-        directions : (N, 3) float64
-            Unit vectors in the world; NaN where the pixel has no ray.
+        Origins are always finite; directions NaN where the pixel has no ray.
         """
         if uv is None:
             height, width = self.directions.shape[:2]
@@ -274,8 +246,16 @@ class RayTable(OnImage, NearestPinhole):
     def rotated(self, degrees: int) -> RayTable:
         """Return the camera of the image turned clockwise by 90, 180 or 270 degrees."""
         quarters = quarter_turns(degrees, f"camera {self.name}")
-        where = (self.image_size, self.scale, self.offset)
-        return replace(self, **turned_table(self.own_origins, self.directions, *where, quarters))
+        directions, size, offset = self.directions, self.image_size, self.offset
+        for _ in range(quarters):  # column u and row v of h rows become h - 1 - v and u
+            offset = directions.shape[0] - size[1] * self.scale - offset[1], offset[0]
+            directions, size = np.rot90(directions, -1), (size[1], size[0])
+        origins = self.own_origins
+        if origins.ndim == 3:
+            origins = np.rot90(origins, -quarters)
+        return replace(
+            self, origins=origins, directions=directions, image_size=size, offset=offset
+        )
 
     def shifted(self, right: float, down: float) -> RayTable:
         """Return the camera whose image lies that many pixels further right and down."""

@@ -5,7 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "materials": ["INDICES", "Glass", "Material", "Opaque", "Reflecting", "index_of"],
+        "surfaces": ["INDICES", "Glass", "Material", "Opaque", "Reflecting", "index_of"],
         "mesh": ["Mesh"],
         "paths": ["Paths"],
         "plates": ["Mirror", "Window"],

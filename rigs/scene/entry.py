@@ -1,25 +1,34 @@
-"""The ``scene:`` of a rig.yaml: reading it, and writing it."""
+"""The ``scene:`` of a rig.yaml: reading and writing it and its meshes; whether it fits a rig."""
 
 from __future__ import annotations
 
+import io
+import math
+import os
+import struct
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs.files.schema import SceneEntry, SolidEntry
 from rigs.files.size_guard import path_inside
+from rigs.files.text import check_plain_file, write_bytes
 from rigs.files.units import metres
 from rigs.geometry.rotation import numbers, rotation
 from rigs.scene.gas import read_gas
-from rigs.scene.materials import Glass, Material, Opaque, Reflecting, index_of
-from rigs.scene.mesh import Mesh
-from rigs.scene.mesh_file import read_mesh
+from rigs.scene.gas.gas import reaches_into
+from rigs.scene.mesh import LARGEST, Mesh
 from rigs.scene.plates import Mirror, Window
 from rigs.scene.scene import Scene
 from rigs.scene.solids import AnalyticSolid, Cylinder, Solid, Sphere
+from rigs.scene.surfaces import Glass, Material, Opaque, Reflecting, index_of
+
+if TYPE_CHECKING:
+    from rigs.rig import Rig
 
 TYPES: dict[str, type] = {
     "window": Window,
@@ -34,17 +43,15 @@ _MATERIALS = {"window": "glass", "mirror": "mirror"}  # where the type leaves no
 _MESH_FIELDS = ("file", "unit", "R", "t", "smooth")
 _MATERIAL_FIELDS = {"opaque": (), "mirror": ("reflectivity",), "glass": ("index", "extinction")}
 
+UNLIKELY = 300
+"""Ratio of the cameras' distance to the largest solid, either way, that a wrong unit explains:
+mm for m is 1000, and a nozzle at a twentieth of the distance is a right one."""
+
 
 def scene_of(entry: SceneEntry, folder: Path, length_unit: str) -> Scene:
-    """Return the scene of a checked entry.
+    """Return the scene of a checked entry, whose meshes are inside ``folder``.
 
-    Parameters
-    ----------
-    entry : SceneEntry
-    folder : Path
-        Of the file: meshes are inside.
-    length_unit : str
-        The file's, in which meshes without a unit are.
+    Meshes that name no unit are in ``length_unit``.
 
     Raises
     ------
@@ -71,13 +78,8 @@ def scene_data(
 ) -> dict[str, Any]:
     """Return the plain data of a scene, in the order of the file.
 
-    Parameters
-    ----------
-    scene : Scene
-    mesh_name : callable
-        Gives the name of the file that holds a mesh.
-    gas_name : callable
-        Gives that of the file that holds the gas's ``index`` or ``extinction``.
+    ``mesh_name`` gives the name of the file that holds a mesh, ``gas_name`` that of the gas's
+    ``index`` or ``extinction``.
 
     Raises
     ------
@@ -181,3 +183,89 @@ def _mesh(
         raise ValueError(f"{what}: {file}: {error}") from None
     vertices = factor * vertices @ R.T + t
     return Mesh(entry.name, vertices, triangles, material, entry.smooth, file)
+
+
+SUFFIXES = ("stl", "obj", "ply", "glb")
+
+
+def read_mesh(path: str | os.PathLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Return the vertices ``(V, 3)`` and the triangles ``(T, 3)`` of a file.
+
+    The parts of a file are put together, each at its place in it.
+
+    Raises
+    ------
+    ValueError
+        If the format is unknown, the file is damaged, or it may hold too many triangles.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower().lstrip(".")
+    if suffix not in SUFFIXES:
+        raise ValueError(f"found a .{suffix} file, expected one of {', '.join(SUFFIXES)}")
+    check_plain_file(path)
+    size = path.stat().st_size
+    if size > LARGEST * 100:
+        raise ValueError(
+            f"found {size / 1e6:.0f} MB, expected at most {LARGEST * 100 / 1e6:.0f} MB: simplify "
+            "the mesh"
+        )
+    import trimesh
+
+    data = path.read_bytes()
+    try:
+        loaded = trimesh.load_mesh(
+            io.BytesIO(data), file_type=suffix, process=False, maintain_order=True
+        )
+        vertices = np.array(loaded.vertices, np.float64)
+        triangles = np.array(loaded.faces, np.int64).reshape(-1, 3)
+    except (
+        ValueError, LookupError, TypeError, AttributeError, EOFError, struct.error, MemoryError,
+        ArithmeticError, NotImplementedError,
+    ) as error:  # fmt: skip
+        words = " ".join(str(error).split())[:80] or type(error).__name__
+        raise ValueError(f"not a mesh: {words}") from None
+    if not len(triangles):
+        raise ValueError("found no triangle, expected a mesh of at least one")
+    return vertices, triangles
+
+
+def write_mesh(mesh: Mesh, path: str | os.PathLike) -> None:
+    """Write a mesh as OBJ, with all digits of its coordinates."""
+    lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in mesh.vertices.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (mesh.triangles + 1).tolist()]
+    write_bytes(path, ("\n".join(lines) + "\n").encode())
+
+
+def check_scene(scene: Scene, rig: Rig) -> None:
+    """Raise if a scene cannot stand in front of a rig's cameras.
+
+    Raises
+    ------
+    ValueError
+        If glass reaches into the volume, or the sizes differ as by a wrong unit. A camera in a
+        solid is found by `rigs.scene.SceneCamera`.
+    """
+    if not scene.solids:
+        return
+    middle = np.zeros(3) if rig.volume is None else np.array(rig.volume.center)
+    far = max(float(np.linalg.norm(camera.position - middle)) for camera in rig)
+    size = max(
+        (solid.diameter for solid in scene.solids if math.isfinite(solid.diameter)), default=far
+    )
+    if far > 0 and not far / UNLIKELY < size < far * UNLIKELY:
+        raise ValueError(
+            f"scene: found a largest solid of {size:.4g} {rig.length_unit} before cameras "
+            f"{far:.4g} {rig.length_unit} away, expected like sizes: check the units of both "
+            "(a mesh takes unit: m)"
+        )
+    if rig.volume is None:
+        return
+    corners = rig.volume.corners()
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    for solid in scene.solids:
+        # hardware may stand in the flame
+        if isinstance(solid.material, Glass) and reaches_into(solid, low, high):
+            raise ValueError(
+                f"scene: solid {solid.name}: reaches into the volume from {low.round(4)} to "
+                f"{high.round(4)}, expected glass outside: move it, or make the volume smaller"
+            )

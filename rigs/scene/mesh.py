@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.compiled import compiled
-from rigs.scene.materials import Glass, Material
-from rigs.scene.surfaces import TRIANGLE, face
+from rigs.scene.surfaces import TRIANGLE, Glass, Material, face, scaled_material
 from rigs.scene.tracing import into_box
 
 if TYPE_CHECKING:
@@ -209,22 +208,10 @@ class Mesh:
         leaves: NDArray[np.bool_],
         within: NDArray[np.float64],
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the rays that meet a triangle, how far away, and the normal there.
+        """Return the rays that meet a triangle, how far away, and the unit normal there.
 
-        Parameters
-        ----------
-        origins, directions : (N, 3) float64
-        leaves : (N,) bool
-            Whether a ray comes from this mesh.
-        within : (N,) float64
-            Distance of what is in the way already.
-
-        Returns
-        -------
-        rays : (M,) int64
-        distances : (M,) float64
-        normals : (M, 3) float64
-            Unit vectors.
+        ``(M,)`` int64, ``(M,)`` and ``(M, 3)`` float64. ``leaves`` ``(N,)`` says whether a ray
+        comes from this mesh, ``within`` ``(N,)`` how far ahead something is in the way already.
 
         Notes
         -----
@@ -279,9 +266,7 @@ class Mesh:
 
     def with_lengths_scaled(self, factor: float) -> Self:
         """Return the mesh of a world whose lengths are ``factor`` times as large."""
-        material = self.material
-        if isinstance(material, Glass):
-            material = replace(material, extinction=material.extinction / factor)
+        material = scaled_material(self.material, factor)
         return replace(self, vertices=self.vertices * factor, material=material)
 
 

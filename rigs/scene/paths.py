@@ -99,14 +99,12 @@ def trace_paths(
         Index of the medium in which rays begin.
     origins, directions : (N, 3) float64
         Unit directions, finite.
-    fresnel : bool
-        Whether glass takes the fraction of light that it reflects.
-    region : (2, 3) float64
-        Lower and upper corner of a box: pieces that miss it are left out, but for those in gas.
-    gas : IndexField, optional
-        Gas that bends rays; no solid reaches into its box.
+    fresnel, region, gas
+        See `rigs.scene.Scene`; no solid reaches into the gas's box, whose pieces are all kept.
     """
-    bounds = [mesh.box for _, mesh in meshes] + ([] if gas is None else [gas_box(gas)])
+    bounds = [mesh.box for _, mesh in meshes] + (
+        [] if gas is None else [np.stack([gas.lower, gas.upper])]
+    )
     boxes = np.array(bounds).reshape(-1, 2, 3)
     numbers = numbers_of(faces)
     pieces = _pieces(MOST_FACES + 1, min(AT_ONCE, len(origins)))
@@ -121,7 +119,7 @@ def trace_paths(
         total += int(rays.pieces.sum())
         if total > len(columns.lengths):
             wanted = total * len(origins) // (first + len(rays.end))
-            columns = _grown(columns, wanted + wanted // 16)
+            columns = _longer(columns, wanted + wanted // 16)
         write_pieces(rays.pieces, starts, pieces, columns)
     ray_ptr = np.concatenate([np.zeros(1, np.int64), np.cumsum(counts)])
     return Paths(*Pieces(*(column[:total] for column in columns)), ray_ptr, ends)
@@ -143,14 +141,6 @@ def _pieces(*shape: int) -> Pieces:
     """Return columns of zeros for pieces of that shape."""
     vectors = (np.zeros((*shape, 3)), np.zeros((*shape, 3)))
     return Pieces(*vectors, np.zeros(shape), np.zeros(shape), np.zeros(shape, np.int64))
-
-
-def _grown(columns: Pieces, length: int) -> Pieces:
-    """Return longer columns that begin with those given."""
-    longer = _pieces(length)
-    for new, old in zip(longer, columns, strict=True):
-        new[: len(old)] = old
-    return longer
 
 
 def _follow_to_ends(
@@ -184,32 +174,14 @@ def _follow_to_ends(
             pieces = through_gas(gas, rays, pieces, active, room=MOST_FACES + 1)
 
 
-def gas_box(gas: IndexField) -> NDArray[np.float64]:
-    """Return the lower and upper corner of the gas's box, ``(2, 3)``."""
-    return np.stack([gas.lower, gas.upper])
-
-
 def through_gas(
     gas: IndexField, rays: Rays, pieces: Pieces, active: NDArray[np.int64], room: int
 ) -> Pieces:
-    """Take rays that come to gas before the next face through it.
+    """Take rays that come to gas before the next face through it; return the pieces.
 
-    Parameters
-    ----------
-    gas : IndexField
-    rays : Rays
-        Changed in place: those that pass gas go on from where they leave it.
-    pieces : Pieces, of arrays (rows, N) and (rows, N, 3)
-        Written: the piece up to the gas, and those in it.
-    active : (K,) int64
-        Rays whose next face is known.
-    room : int
-        Rows that have to stay free behind the last piece.
-
-    Returns
-    -------
-    Pieces
-        Those given, or longer ones.
+    ``active`` ``(K,)`` are rays whose next face is known; they go on from where they leave the
+    gas. ``pieces`` ``(rows, N)`` take the piece up to the gas, and those in it, and get longer
+    if they have to; ``room`` rows have to stay free behind the last.
     """
     ahead = gas.ahead(rays.origin[active], rays.direction[active])
     come = ahead < rays.length[active]
@@ -256,9 +228,7 @@ def _write(
 
 def _longer(pieces: Pieces, rows: int) -> Pieces:
     """Return pieces with that many rows, which begin with those given."""
-    longer = []
-    for column in pieces:
-        new = np.zeros((rows, *column.shape[1:]), column.dtype)
-        new[: len(column)] = column
-        longer.append(new)
-    return Pieces(*longer)
+    longer = _pieces(rows, *pieces.lengths.shape[1:])
+    for new, old in zip(longer, pieces, strict=True):
+        new[: len(old)] = old
+    return longer

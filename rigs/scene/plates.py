@@ -4,18 +4,98 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.scene.materials import Glass, Opaque, Reflecting, index_of
 from rigs.scene.solids import AROUND, AnalyticSolid, Vector, unit_vector
-from rigs.scene.surfaces import CYLINDER, PLANE, face, perpendicular
+from rigs.scene.surfaces import (
+    CYLINDER,
+    PLANE,
+    Glass,
+    Opaque,
+    Reflecting,
+    face,
+    index_of,
+    perpendicular,
+)
+
+
+class _Plate(AnalyticSolid):
+    """What windows and mirrors share: a plane face, round, rectangular or endless."""
+
+    if TYPE_CHECKING:  # both are dataclasses that have these fields
+        point: Vector
+        normal: Vector
+        size: float | tuple[float, float] | None
+        across: Vector | None
+
+    _POINTS, _DIRECTIONS = ("point",), ("normal", "across")
+    _MADE_OF: ClassVar[tuple[type, str]]
+
+    def __post_init__(self) -> None:
+        """Check every field, and make ``across`` perpendicular to the normal."""
+        super().__post_init__()
+        kind, words = self._MADE_OF
+        if not isinstance(self.material, kind):
+            raise ValueError(f"{self.what}: material: found {self.material!r}, expected {words}")
+        if self.size is not None:
+            size = np.asarray(self.size, float)
+            if size.shape not in ((), (2,)):
+                raise ValueError(
+                    f"{self.what}: size: found {self.size!r}, expected a diameter or two sides"
+                )
+            if size.ndim:
+                object.__setattr__(self, "size", tuple(size.tolist()))
+        if self.across is None:
+            return
+        normal = np.array(self.normal)
+        across = np.array(self.across) - (np.array(self.across) @ normal) * normal
+        length = np.linalg.norm(across)
+        if not length > 1e-6:  # a direction along the normal leaves rounding alone
+            raise ValueError(
+                f"{self.what}: across: found {list(self.across)}, along the normal, expected a "
+                "direction along the first side"
+            )
+        object.__setattr__(self, "across", unit_vector(across))
+
+    @property
+    def _outline(self) -> dict[str, Any]:
+        """The extent of the face, as `rigs.scene.surfaces.face` takes it."""
+        normal = np.array(self.normal)
+        across = perpendicular(normal) if self.across is None else np.array(self.across)
+        if self.size is None:
+            return {"across": across, "radius": np.inf, "half": (np.inf, np.inf)}
+        if isinstance(self.size, tuple):
+            half = (self.size[0] / 2, self.size[1] / 2)
+            return {"across": across, "radius": np.inf, "half": half}
+        return {"across": across, "radius": self.size / 2, "half": (np.inf, np.inf)}
+
+    def _inside_outline(self, away: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Return whether points ``(N, 3)`` from the middle are before or behind the face."""
+        normal, own = np.array(self.normal), self._outline
+        across = own["across"]
+        flat = np.stack([away @ across, away @ np.cross(normal, across)], axis=1)
+        inside = np.linalg.norm(flat, axis=1) <= own["radius"]
+        return inside & (np.abs(flat) <= own["half"]).all(axis=1)
+
+    def samples(self) -> NDArray[np.float64]:
+        """Return points on the face, ``(N, 3)``; of an endless one its middle; see `Solid`."""
+        point = np.array(self.point)
+        if self.size is None:
+            return point[None]
+        normal, own = np.array(self.normal), self._outline
+        half = own["half"] if isinstance(self.size, tuple) else (own["radius"], own["radius"])
+        steps = np.linspace(-1, 1, AROUND)
+        u, v = np.meshgrid(steps * half[0], steps * half[1])
+        across = own["across"]
+        points = u.ravel()[:, None] * across + v.ravel()[:, None] * np.cross(normal, across)
+        return point + points[self._inside_outline(points)]
 
 
 @dataclass(frozen=True)
-class Window(AnalyticSolid):
+class Window(_Plate):
     """A plane-parallel plate; its rim is opaque.
 
     Parameters
@@ -59,14 +139,11 @@ class Window(AnalyticSolid):
             across: Vector | None = None,
         ) -> None: ...
 
-    _POINTS, _DIRECTIONS = ("point",), ("normal", "across")
-    _LENGTHS = ("thickness", "size")
+    _LENGTHS, _MADE_OF = ("thickness", "size"), (Glass, "glass")
 
     def __post_init__(self) -> None:
         """Check every field."""
         super().__post_init__()
-        if not isinstance(self.material, Glass):
-            raise ValueError(f"{self.what}: material: found {self.material!r}, expected glass")
         if not math.isfinite(self.thickness):
             raise ValueError(
                 f"{self.what}: thickness: found {self.thickness!r}, expected a length"
@@ -74,7 +151,6 @@ class Window(AnalyticSolid):
         if self.beyond is not None:
             index = index_of(self.beyond, f"{self.what}: beyond")
             object.__setattr__(self, "beyond", index)
-        _check_across(self)
 
     @property
     def diameter(self) -> float:
@@ -85,19 +161,16 @@ class Window(AnalyticSolid):
         """Return the table of its faces; see `Solid`."""
         normal, point = np.array(self.normal), np.array(self.point)
         second = point - self.thickness * normal
-        across, radius, half = _outline(self)
+        outline = self._outline
         glass = (self.material.index, self.material.extinction)
         beyond = (medium if self.beyond is None else self.beyond, 0.0)
         table = [
-            face(
-                PLANE, self.material, place, normal,
-                front=front, behind=behind, across=across, radius=radius, half=half,
-            )
+            face(PLANE, self.material, place, normal, front=front, behind=behind, **outline)
             for place, front, behind in ((point, (medium, 0.0), None), (second, glass, beyond))
-        ]  # fmt: skip
+        ]
         middle = (point + second) / 2
         if isinstance(self.size, tuple):
-            sides = (across, np.cross(normal, across))
+            sides = (outline["across"], np.cross(normal, outline["across"]))
             for side, length, other in zip(sides, self.size, self.size[::-1], strict=True):
                 for sign in (-1, 1):
                     table.append(
@@ -108,23 +181,23 @@ class Window(AnalyticSolid):
                     )  # fmt: skip
         elif self.size is not None:
             rim = (self.thickness / 2, np.inf)
-            table.append(face(CYLINDER, Opaque(), middle, normal, radius=radius, half=rim))
+            table.append(face(CYLINDER, Opaque(), middle, normal, radius=self.size / 2, half=rim))
         return np.concatenate(table)
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return whether points are in the glass; see `Solid`."""
         away = points - np.array(self.point)
         depth = -(away @ np.array(self.normal))
-        return (depth > 0) & (depth < self.thickness) & _inside_outline(self, away)
+        return (depth > 0) & (depth < self.thickness) & self._inside_outline(away)
 
     def samples(self) -> NDArray[np.float64]:
         """Return points on both faces; see `Solid`."""
-        first = _on_plane(self)
+        first = super().samples()
         return np.concatenate([first, first - self.thickness * np.array(self.normal)])
 
 
 @dataclass(frozen=True)
-class Mirror(AnalyticSolid):
+class Mirror(_Plate):
     """A plane mirror; its back is opaque.
 
     Parameters
@@ -148,14 +221,7 @@ class Mirror(AnalyticSolid):
     size: float | tuple[float, float] | None = None
     across: Vector | None = None
 
-    _POINTS, _DIRECTIONS, _LENGTHS = ("point",), ("normal", "across"), ("size",)
-
-    def __post_init__(self) -> None:
-        """Check every field."""
-        super().__post_init__()
-        if not isinstance(self.material, Reflecting):
-            raise ValueError(f"{self.what}: material: found {self.material!r}, expected mirror")
-        _check_across(self)
+    _LENGTHS, _MADE_OF = ("size",), (Reflecting, "mirror")
 
     @property
     def diameter(self) -> float:
@@ -164,79 +230,9 @@ class Mirror(AnalyticSolid):
 
     def faces(self, medium: float) -> NDArray:
         """Return the table of its face; see `Solid`."""
-        across, radius, half = _outline(self)
-        return face(
-            PLANE, self.material, self.point, self.normal, front=(medium, 0.0), across=across,
-            radius=radius, half=half,
-        )  # fmt: skip
+        front = (medium, 0.0)
+        return face(PLANE, self.material, self.point, self.normal, front=front, **self._outline)
 
     def contains(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Return False for all: it has no inside."""
         return np.zeros(len(points), bool)
-
-    def samples(self) -> NDArray[np.float64]:
-        """Return points on its face; see `Solid`."""
-        return _on_plane(self)
-
-
-def _check_across(plate: Window | Mirror) -> None:
-    """Check the size of a plate, and make ``across`` perpendicular to its normal."""
-    if plate.size is not None:
-        size = np.asarray(plate.size, float)
-        if size.shape not in ((), (2,)):
-            raise ValueError(
-                f"{plate.what}: size: found {plate.size!r}, expected a diameter or two sides"
-            )
-        if size.ndim:
-            object.__setattr__(plate, "size", tuple(size.tolist()))
-    if plate.across is None:
-        return
-    normal = np.array(plate.normal)
-    across = np.array(plate.across) - (np.array(plate.across) @ normal) * normal
-    length = np.linalg.norm(across)
-    if not length > 1e-6:  # a direction along the normal leaves rounding alone
-        raise ValueError(
-            f"{plate.what}: across: found {list(plate.across)}, along the normal, expected a "
-            "direction along the first side"
-        )
-    object.__setattr__(plate, "across", unit_vector(across))
-
-
-class _Outline(NamedTuple):
-    """The extent of a plate's face, as `rigs.scene.surfaces.face` takes it."""
-
-    across: NDArray[np.float64]
-    radius: float = np.inf
-    half: tuple[float, float] = (np.inf, np.inf)
-
-
-def _outline(plate: Window | Mirror) -> _Outline:
-    """Return the extent of a plate's face."""
-    normal = np.array(plate.normal)
-    across = perpendicular(normal) if plate.across is None else np.array(plate.across)
-    if plate.size is None:
-        return _Outline(across)
-    if isinstance(plate.size, tuple):
-        return _Outline(across, half=(plate.size[0] / 2, plate.size[1] / 2))
-    return _Outline(across, radius=plate.size / 2)
-
-
-def _inside_outline(plate: Window | Mirror, away: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return whether points ``(N, 3)`` from a plate's middle are before or behind its face."""
-    normal, (across, radius, half) = np.array(plate.normal), _outline(plate)
-    flat = np.stack([away @ across, away @ np.cross(normal, across)], axis=1)
-    inside = np.linalg.norm(flat, axis=1) <= radius
-    return inside & (np.abs(flat) <= half).all(axis=1)
-
-
-def _on_plane(plate: Window | Mirror) -> NDArray[np.float64]:
-    """Return points on a plate's face, ``(N, 3)``; of an endless one its middle."""
-    point = np.array(plate.point)
-    if plate.size is None:
-        return point[None]
-    normal, (across, radius, half) = np.array(plate.normal), _outline(plate)
-    half = half if isinstance(plate.size, tuple) else (radius, radius)
-    steps = np.linspace(-1, 1, AROUND)
-    u, v = np.meshgrid(steps * half[0], steps * half[1])
-    points = u.ravel()[:, None] * across + v.ravel()[:, None] * np.cross(normal, across)
-    return point + points[_inside_outline(plate, points)]

@@ -23,12 +23,7 @@ def pixels_that_pass(
 ) -> NDArray[np.float64]:
     """Return the pixels ``(N, 2)`` whose paths pass through points; NaN where none does.
 
-    Parameters
-    ----------
-    camera : CameraLike
-        Without the scene.
-    scene : Scene
-    points : (N, 3) float64
+    ``camera`` is without the scene.
 
     Notes
     -----
@@ -125,13 +120,8 @@ def _missed(
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Return by which vectors the paths of pixels and two neighbours miss points.
 
-    Returns
-    -------
-    missed : (N, 3, 3) float64
-        Of the pixel, of one a little to the right and of one a little further down: from the
-        line of the piece nearest to the point, across it. NaN where the lens has no ray.
-    on_piece : (N,) bool
-        Whether the pixel's piece itself passes there, not its extension alone.
+    ``(N, 3, 3)``, NaN where the lens has no ray; and whether the pixel's piece itself passes
+    there, not its extension alone, ``(N,)``.
     """
     stencil = uv[:, None] + np.array([[0, 0], [_APART, 0], [0, _APART]])  # (N, 3, 2)
     origins, directions = camera.rays(stencil.reshape(-1, 2))

@@ -12,12 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.geometry.image_checks import rows_of
 from rigs.scene.gas import Gas
-from rigs.scene.materials import Reflecting, index_of
 from rigs.scene.mesh import Mesh
 from rigs.scene.paths import EVERYWHERE, Paths, trace_paths
 from rigs.scene.solids import Solid
-from rigs.scene.surfaces import FACE
+from rigs.scene.surfaces import FACE, Reflecting, index_of
 from rigs.scene.tracing import OPEN
+
+if TYPE_CHECKING:
+    pass
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class Scene:
     solids : sequence of Solid
         `Window`, `Cylinder`, `Sphere`, `Mirror` and `Mesh`; no two have one name.
     medium : float or str
-        Refractive index of what surrounds them, or its name in `rigs.scene.materials.INDICES`.
+        Refractive index of what surrounds them, or its name in `rigs.scene.surfaces.INDICES`.
     fresnel : bool
         Whether glass takes the fraction of light that it reflects.
     gas : Gas, optional

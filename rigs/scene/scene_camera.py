@@ -14,16 +14,13 @@ from rigs.camera_protocol import CameraLike
 from rigs.figures import Accuracy, Optics
 from rigs.geometry.image_checks import OnImage, pixel_centres, rows_of
 from rigs.geometry.rotation import numbers, rotation
-from rigs.ray_table.nearest_pinhole import NearestPinhole, fitted_pinhole
-from rigs.scene.materials import Reflecting
+from rigs.ray_table.nearest_pinhole import NearestPinhole, fitted_pinhole, spread_pixels
 from rigs.scene.paths import EVERYWHERE, Paths
 from rigs.scene.projection import pixels_that_pass
 from rigs.scene.scene import Scene
 from rigs.scene.solids import vector_of
+from rigs.scene.surfaces import Reflecting
 from rigs.scene.tracing import OPEN
-
-_LATTICE = 64
-"""Pixels along each side of an image that are asked whether they see, and by how many mirrors."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +99,7 @@ class SceneCamera(OnImage, NearestPinhole):
 
         Those of the camera itself where hardware hides all.
         """
-        looked_at = (self._lattice(), None)  # all pixels only where the few see nothing
+        looked_at = (spread_pixels(self.image_size, 1.0), None)  # all only where few see nothing
         if not any(np.isfinite(self.rays(uv)[1]).any() for uv in looked_at):
             return self.camera.camera_matrix, self.camera.R, self.camera.position
         return fitted_pinhole(self.name, self.image_size, self.rays, self._in_main_view)
@@ -110,13 +107,8 @@ class SceneCamera(OnImage, NearestPinhole):
     @cached_property
     def sees_once(self) -> bool:
         """Whether all pixels look by the same number of mirrors: else a point may appear twice."""
-        mirrors = self._mirrors(self._lattice())
+        mirrors = self._mirrors(spread_pixels(self.image_size, 1.0))
         return len(np.unique(mirrors[mirrors >= 0])) <= 1
-
-    def _lattice(self) -> NDArray[np.float64]:
-        """Return pixels spread over the image, ``(N, 2)``."""
-        u, v = (np.unique(np.linspace(0, side - 1, _LATTICE).round()) for side in self.image_size)
-        return np.stack(np.meshgrid(u, v), axis=-1).reshape(-1, 2)
 
     def _mirrors(self, uv: NDArray[np.float64]) -> NDArray[np.int64]:
         """Return by how many mirrors pixels see the middle, ``(N,)``; -1 without a ray."""
@@ -159,12 +151,7 @@ class SceneCamera(OnImage, NearestPinhole):
         return self.scene.paths(origins[pixels], directions[pixels], region), pixels
 
     def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
-        """Return the pieces of pixels' paths that pass nearest to the middle.
-
-        Parameters
-        ----------
-        uv : (N, 2) array_like, optional
-            Pixel coordinates (column, row); by default every pixel's centre, row by row.
+        """Return the pieces of pixels' paths that pass nearest to the middle; see `paths`.
 
         Returns
         -------
@@ -186,11 +173,7 @@ class SceneCamera(OnImage, NearestPinhole):
         return origins, directions
 
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
-        """Return the pixel coordinates of world points, seen through the scene.
-
-        Parameters
-        ----------
-        points : (N, 3) array_like
+        """Return the pixel coordinates of world points ``(N, 3)``, seen through the scene.
 
         Returns
         -------

@@ -38,12 +38,10 @@ def endless(faces: NDArray) -> NDArray:
 def sight_lines(
     center, points, faces, routes, windows, depths, directions, by_center, by_point, by_window
 ) -> None:
-    """Write the directions in which points are seen, and their derivatives.
+    """Write the directions in which points are seen from ``center``, and their derivatives.
 
     Parameters
     ----------
-    center : (3,) float64
-        Where paths start.
     points : (N, 3) float64
     faces : (F,) FACE
         From `endless`.

@@ -10,8 +10,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.geometry.rotation import numbers
-from rigs.scene.materials import Glass, Material, Opaque, index_of
-from rigs.scene.surfaces import CYLINDER, PLANE, SPHERE, face, perpendicular
+from rigs.scene.surfaces import (
+    CYLINDER,
+    PLANE,
+    SPHERE,
+    Glass,
+    Material,
+    Opaque,
+    face,
+    index_of,
+    perpendicular,
+    scaled_material,
+)
 
 Vector = tuple[float, float, float]
 
@@ -111,10 +121,7 @@ class AnalyticSolid:
                 scaled[name] = (
                     tuple(np.multiply(value, factor)) if np.ndim(value) else value * factor
                 )
-        material = self.material
-        if isinstance(material, Glass):
-            scaled["material"] = replace(material, extinction=material.extinction / factor)
-        return replace(self, **scaled)
+        return replace(self, material=scaled_material(self.material, factor), **scaled)
 
 
 def vector_of(array: NDArray[np.float64]) -> Vector:

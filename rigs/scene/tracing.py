@@ -52,16 +52,8 @@ _ALONG = 1e-14
 def numbers_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return a table of faces as two plain ones.
 
-    Parameters
-    ----------
-    table : (F,) `rigs.scene.surfaces.FACE`
-
-    Returns
-    -------
-    kinds : (F, 3) int64
-        Kind, action and solid.
-    numbers : (F, 21) float64
-        The others, in the order of `POINT` and its neighbours.
+    ``(F, 3)`` int64 are kind, action and solid, ``(F, 21)`` float64 the others, in the order of
+    `POINT` and its neighbours.
     """
     assert FACE.names is not None  # a structured type
     whole, real = FACE.names[:3], FACE.names[3:]
@@ -75,27 +67,11 @@ def follow(
 ) -> int:  # fmt: skip
     """Follow rays from face to face; return how many wait for an answer of the meshes.
 
-    Parameters
-    ----------
-    active : (K,) int64
-        The rays to follow.
-    rays : Rays
-        Changed in place.
-    pieces : Pieces, of arrays (rows, N) and (rows, N, 3)
-        Written: the pieces of each ray, one behind the other.
-    kinds, faces : (F, 3) int64, (F, 21) float64
-        From `numbers_of`.
-    boxes : (B, 2, 3) float64
-        Lower and upper corners of the boxes round meshes and gas.
-    region : (2, 3) float64
-        Lower and upper corner of the box whose pieces are wanted.
-    most : int
-        Faces at the last of which a ray is left.
-    fresnel : bool
-        Whether glass takes the fraction of light that it reflects.
-    waiting : (K,) int64
-        Written: rays whose piece may meet a mesh or gas. Their ``length``, ``face`` and, of a
-        triangle, ``normal`` are to be brought up to date, and ``asked`` set, before they go on.
+    ``active`` (K,) are the rays to follow, ``pieces`` (rows, N) takes theirs one behind the
+    other, ``boxes`` (B, 2, 3) are those round meshes and gas, ``region`` (2, 3) that whose pieces
+    are wanted; at ``most`` faces a ray is left. ``waiting`` (K,) takes rays whose piece may meet
+    a mesh or gas: their ``length``, ``face`` and, of a triangle, ``normal`` are to be brought up
+    to date, and ``asked`` set, before they go on.
     """
     count = 0
     for n in active:
@@ -315,13 +291,9 @@ def _refracted(direction, normal, toward, before, after):
 
 @compiled
 def write_pieces(counts, first, pieces, columns) -> None:
-    """Write the pieces of each ray one behind the other, from ``first`` (N,) on, into columns.
+    """Write the pieces ``(most, N)`` of each ray one behind the other into columns ``(total,)``.
 
-    Parameters
-    ----------
-    counts, first : (N,) int64
-    pieces : Pieces, of arrays (most, N) and (most, N, 3)
-    columns : Pieces, of arrays (total,) and (total, 3)
+    ``first`` (N,) says where each ray's begin.
     """
     for n in range(len(counts)):
         for k in range(counts[n]):

@@ -33,17 +33,9 @@ _EDGE = 1 << BRICK_BITS
 
 
 def brick_order(mask: NDArray[np.bool_]) -> NDArray[np.integer]:
-    """Return the storage index of each chosen voxel.
+    """Return the storage index of each voxel chosen by ``mask`` (nx, ny, nz): (n,) int32 or int64.
 
-    Parameters
-    ----------
-    mask : (nx, ny, nz) bool
-        The voxels that are chosen.
-
-    Returns
-    -------
-    (n,) int32 or int64
-        A permutation of 0 to n - 1; entry ``i`` belongs to the i-th chosen voxel in C order.
+    A permutation of 0 to n - 1; entry ``i`` belongs to the i-th chosen voxel in C order.
     """
     mask = np.ascontiguousarray(mask)
     index = np.zeros(mask.shape, index_type(mask.size))
@@ -81,7 +73,7 @@ def _count(mask, order, index):
 FEW_VOXELS = 4096
 """Unknowns up to which their order stays: in float32 half of a 32 kB cache holds them all."""
 
-FARTHEST = 255
+FARTHEST = int(np.iinfo(np.uint8).max)
 """Largest distance kept, in voxels: it fits a byte, and longer skips gain nothing."""
 
 

@@ -16,15 +16,8 @@ from tomo._compute.grouping import index_type
 
 
 class DenseBox:
-    """The smallest box around active voxels, which holds zero where none is.
+    """The smallest box around active voxels (`ActiveVoxels.box`), which holds zero where none is.
 
-    Parameters
-    ----------
-    box : ActiveVoxels
-        See `tomo.grid.ActiveVoxels.box`.
-
-    Notes
-    -----
     The numbers by which voxels are gathered stay where they were used last: with 4 bytes a voxel
     of the box and 4 an active one, none where the grid is active altogether.
     """

@@ -16,12 +16,7 @@ if TYPE_CHECKING:
 def interpolated(values: NDArray, grid: VoxelGrid, points: ArrayLike) -> NDArray[np.float64]:
     """Return the values ``(...)`` at points ``(..., 3)``, linear between voxel centres.
 
-    Parameters
-    ----------
-    values : (nx, ny, nz)
-        At the voxel centres; zero at the centres of voxels around the grid.
-    grid : VoxelGrid
-    points : (..., 3)
+    Zero at the centres of voxels around the grid.
     """
     from scipy.ndimage import map_coordinates
 
@@ -37,18 +32,9 @@ def interpolated(values: NDArray, grid: VoxelGrid, points: ArrayLike) -> NDArray
 
 
 def resampled(values: NDArray, grid: VoxelGrid, other: VoxelGrid) -> NDArray:
-    """Return values ``(nx, ny, nz)`` of one grid on the voxels of another.
+    """Return values ``(nx, ny, nz)``, means over the voxels of one grid, on those of another.
 
-    Parameters
-    ----------
-    values : (nx, ny, nz)
-        Means over the voxels of ``grid``.
-    grid, other : VoxelGrid
-
-    Returns
-    -------
-    array of ``other.shape``
-        In the precision of the values; integers become float64.
+    In the precision of the values; integers become float64.
 
     Notes
     -----

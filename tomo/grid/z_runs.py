@@ -48,26 +48,10 @@ def pick_up(runs, voxels, heights, own, number, values) -> None:
 class ZRuns:
     """The runs along z that hold active voxels, from the lowest of each column to the highest.
 
-    Parameters
-    ----------
-    mask : (nx, ny, nz) bool
-        True where a voxel is active.
-
-    Attributes
-    ----------
-    depth : int
-        Number of voxels of the grid along z.
-    inside : (nx, ny) bool
-        True where there is a run.
-    low, high : (nx, ny) int
-        The lowest active voxel of each column and the one above the highest; ``depth`` and zero
-        where there is no run.
-    voxels : (runs + 1,) int64
-        The first active voxel of each run, among all.
-    heights : (n,) int32
-        The index of every active voxel along z.
-    own : Runs
-        The runs themselves.
+    ``mask`` (nx, ny, nz) is True where a voxel is active. ``low`` and ``high`` (nx, ny) are the
+    lowest active voxel of a column and the one above the highest, the grid's ``depth`` and zero
+    where there is none ``inside``. ``voxels`` (runs + 1,) are the first active voxel of each run,
+    ``heights`` (n,) the index of every active voxel along z, ``own`` the `Runs` themselves.
     """
 
     def __init__(self, mask: NDArray[np.bool_]) -> None:

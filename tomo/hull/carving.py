@@ -31,47 +31,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Carving:
-    """The voxels that can be non-zero, and how they were found.
-
-    Attributes
-    ----------
-    active : ActiveVoxels
-    pixels : tuple of (height, width) bool
-        For each view the usable pixels that may see an active voxel: only these need tracing.
-    margin : float
-        Pixels by which a voxel's image was grown before it was tested for darkness.
-    threshold : float
-        The intensity up to which a pixel counts as dark.
-    smoothing : float
-        Standard deviation, in pixels, of the blur before the threshold; 0 for none.
-    votes : int
-        Views that had to find a voxel dark.
-    unexplained : float
-        The largest fraction, over views, of bright light that meets no active voxel.
-    light_carved_away : float
-        The fraction of all images' light, however faint, that meets no active voxel.
-    faint_light : float
-        That fraction at the smallest margin tried.
-    noise : tuple of NoiseModel
-        One a view.
-    reason : str
-        Why these voxels were carved, in words.
-    dark : bool
-        Whether no pixel is certainly bright: the images say nothing of the voxels.
-    """
+    """The voxels that can be non-zero, and how they were found."""
 
     active: ActiveVoxels
     pixels: tuple[NDArray[np.bool_], ...]
-    margin: float
-    threshold: float
-    smoothing: float
-    votes: int
-    unexplained: float
-    light_carved_away: float
-    faint_light: float
-    noise: tuple[NoiseModel, ...]
-    reason: str
-    dark: bool = False
+    """For each view the usable pixels that may see an active voxel, ``(height, width)``."""
+    margin: float  # pixels by which a voxel's image was grown before it was tested
+    threshold: float  # the intensity up to which a pixel counts as dark
+    smoothing: float  # standard deviation, in pixels, of the blur before that; 0 for none
+    votes: int  # views that had to find a voxel dark
+    unexplained: float  # largest fraction, over views, of bright light that meets no active voxel
+    light_carved_away: float  # fraction of all images' light, however faint, that meets none
+    faint_light: float  # that fraction at the smallest margin tried
+    noise: tuple[NoiseModel, ...]  # one a view
+    reason: str  # why these voxels were carved, in words
+    dark: bool = False  # no pixel is certainly bright: the images say nothing of the voxels
 
     @property
     def warnings(self) -> list[str]:

@@ -28,18 +28,15 @@ def dark_votes(
     enough: int,
     beyond: bool = False,
 ) -> NDArray[np.uint8]:
-    """Return how many views prove each voxel dark, counted up to ``enough``: ``shape``.
+    """Return how many views prove each voxel dark, counted up to ``enough`` (to 255): ``shape``.
 
     Parameters
     ----------
     bright : sequence of (height, width) bool
         True where a pixel is bright or unusable. A box that holds one is not dark.
     lattices : sequence of Lattice
-        One a view.
     margin : float
         Pixels by which a voxel's box is grown on every side.
-    enough : int
-        1 to 255.
     beyond : bool
         Whether what lies beyond an image is as dark as the nearest pixel of its border; else a
         box that leaves the image is not dark.

@@ -31,26 +31,12 @@ SIGMAS_CERTAIN = 5.0
 
 @dataclass(frozen=True, eq=False)
 class Brightness:
-    """The images of a frame, divided into dark and bright pixels.
+    """The images of a frame ``(height, width)``, divided into dark and bright pixels."""
 
-    Attributes
-    ----------
-    images : tuple of (height, width) float32
-        Smoothed.
-    usable : tuple of (height, width) bool
-    bright : tuple of (height, width) bool
-        Above the threshold, or not usable: a dark voxel touches none of these.
-    certain : tuple of (height, width) bool
-        So bright that the volume must explain the pixel.
-    threshold, smoothing : float
-        In intensity and pixels; see `tomo.hull.Carving`.
-    noise : tuple of NoiseModel
-    """
-
-    images: tuple[NDArray[np.float32], ...]
+    images: tuple[NDArray[np.float32], ...]  # smoothed
     usable: tuple[NDArray[np.bool_], ...]
-    bright: tuple[NDArray[np.bool_], ...]
-    certain: tuple[NDArray[np.bool_], ...]
+    bright: tuple[NDArray[np.bool_], ...]  # above the threshold, or not usable
+    certain: tuple[NDArray[np.bool_], ...]  # so bright that the volume must explain the pixel
     threshold: float
     smoothing: float
     noise: tuple[NoiseModel, ...]
@@ -66,15 +52,8 @@ class Brightness:
     ) -> Self:
         """Divide the pixels of all views by one threshold.
 
-        Parameters
-        ----------
-        images, masks : sequence of (height, width)
-        widest : float
-            The largest standard deviation of the blur, in pixels; wider than a voxel it would
-            blur the volume.
-        threshold : float or "auto"
-        noise : sequence of NoiseModel, optional
-            One an image; estimated when None.
+        ``widest`` bounds the blur, in pixels: wider than a voxel it would blur the volume.
+        Noise is estimated where none is given.
 
         Notes
         -----
@@ -140,12 +119,7 @@ class Brightness:
     ) -> float:
         """Return the fraction of all light in ``seen`` that is not ``explained``.
 
-        Parameters
-        ----------
-        explained, seen : sequence of (height, width) bool
-            One a view: the pixels that see an active voxel, and those that see any voxel.
-        views : sequence of int
-            The views that count.
+        Both are one image a view: pixels that see any voxel, and an active one; ``views`` count.
 
         Notes
         -----

@@ -33,25 +33,13 @@ part of the flame. Lower: noise and the tails of every flame count."""
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """The voxels that the votes leave active at a margin, and the light then unexplained.
-
-    Attributes
-    ----------
-    margin : float
-    active : (nx, ny, nz) bool
-    explained : list of (height, width) bool
-        The pixels that see an active voxel.
-    missed : float
-        The largest fraction, over views, of bright light that meets no active voxel.
-    carved_away : float
-        The fraction of all light, however faint, that meets no active voxel.
-    """
+    """The voxels that the votes leave active at a margin, and the light then unexplained."""
 
     margin: float
-    active: NDArray[np.bool_]
-    explained: list[NDArray[np.bool_]]
-    missed: float
-    carved_away: float
+    active: NDArray[np.bool_]  # (nx, ny, nz)
+    explained: list[NDArray[np.bool_]]  # (height, width) each: pixels that see an active voxel
+    missed: float  # largest fraction, over views, of bright light that meets no active voxel
+    carved_away: float  # fraction of all light, however faint, that meets none
 
     @property
     def keeps_the_light(self) -> bool:

@@ -19,22 +19,13 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class VisualHull:
-    """The voxels inside all silhouettes, and how well they explain them.
-
-    Attributes
-    ----------
-    grid : VoxelGrid
-    inside : (nx, ny, nz) bool
-    images : tuple of (height, width) bool
-        The pixels that see the hull, one image a camera.
-    overlaps : (cameras,) float64
-        Intersection over union of these and the silhouettes, of usable pixels; NaN of none.
-    """
+    """The voxels inside all silhouettes, and how well they explain them."""
 
     grid: VoxelGrid
-    inside: NDArray[np.bool_]
-    images: tuple[NDArray[np.bool_], ...]
+    inside: NDArray[np.bool_]  # (nx, ny, nz)
+    images: tuple[NDArray[np.bool_], ...]  # (height, width): the pixels that see the hull
     overlaps: NDArray[np.float64]
+    """Intersection over union with each silhouette, of usable pixels; NaN of none."""
 
 
 def visual_hull(
@@ -91,18 +82,10 @@ def visual_hull(
 def silhouette(
     image: NDArray[np.floating], threshold: float, *, close: int = 0, grow: int = 0
 ) -> NDArray[np.bool_]:
-    """Return the pixels of a bright thing before a dark background.
+    """Return the pixels above ``threshold``, those of a bright thing before a dark background.
 
-    Parameters
-    ----------
-    image : (height, width)
-    threshold : float
-        Pixels above it belong to the thing.
-    close : int
-        Gaps narrower than twice this, in pixels, are closed, and holes are filled: dark folds.
-        0: neither.
-    grow : int
-        Pixels by which the rest grows: by as many cameras may point wrongly.
+    Gaps narrower than twice ``close`` pixels are closed, and holes are filled: dark folds; 0:
+    neither. The rest grows by ``grow`` pixels: by as many cameras may point wrongly.
     """
     from scipy import ndimage
 

@@ -28,35 +28,24 @@ class Lattice:
     """The corners of bricks of voxels as one camera sees them.
 
     Positions between are interpolated: any lens model then costs one projection a brick.
-
-    Attributes
-    ----------
-    corners : (bx + 1, by + 1, bz + 1, 2) float64
-        Pixel coordinates (column, row); NaN where the camera cannot see.
-    slack : float
-        Bound of the interpolation error, in pixels.
-    pixels_a_voxel : float
-        The longest edge of a voxel in the grid's middle, in pixels; NaN out of sight.
     """
 
-    corners: NDArray[np.float64]
-    slack: float
-    pixels_a_voxel: float
+    corners: NDArray[np.float64]  # (bx + 1, by + 1, bz + 1, 2) pixels; NaN out of sight
+    slack: float  # bound of the interpolation error, in pixels
+    pixels_a_voxel: float  # the longest edge in the grid's middle, in pixels; NaN out of sight
 
     @classmethod
     def of(cls, camera: CameraLike, grid: VoxelGrid) -> Self:
-        """Project the corners of a grid's bricks; the last ones may reach beyond the grid.
-
-        Notes
-        -----
-        The interpolation error is largest in the middle of a brick. The slack is twice the
-        largest error there, over bricks spread through the grid.
-        """
+        """Return the lattice of one camera, see `of_all`."""
         return cls.of_all([camera], grid)[0]
 
     @classmethod
     def of_all(cls, cameras: Sequence[CameraLike], grid: VoxelGrid) -> list[Self]:
-        """Return the lattice of each camera, see `of`."""
+        """Project the corners of a grid's bricks; the last ones may reach beyond the grid.
+
+        The interpolation error is largest in the middle of a brick. The slack is twice the
+        largest error there, over bricks spread through the grid.
+        """
         bricks = bricks_of(grid.shape)
         some = [np.unique(np.linspace(0, n - 1, min(n, CHECKED)).astype(int)) for n in bricks]
         corners = _points(grid, [np.arange(n + 1) * STEP for n in bricks])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter
 
 from rigs import Accuracy, CameraLike, Rig, box_points
-from rigs.calibration_record import recorded
+from rigs.changes import recorded
 from rigs.check.rig_check import calibrated_ray_miss
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.scene.scene_camera import own_camera, with_own_camera

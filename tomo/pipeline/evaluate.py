@@ -28,7 +28,7 @@ from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
 from tomo.pipeline.stage import Record, as_warning, timed
 from tomo.pipeline.trace import blind_warnings, through_gas
 from tomo.pipeline.view import Peak, View, quality
-from tomo.rays.visible_pixels import pixels_that_see
+from tomo.rays.ray_box import pixels_that_see
 from tomo.scan import Scan
 from tomo.scan.images import Images, Masks
 from tomo.solvers import Solution

@@ -16,7 +16,7 @@ from tomo.grid import VoxelGrid
 from tomo.measurement import DeadLines, StoredBits
 from tomo.measurement.stored_bits import FULL
 from tomo.pipeline.stage import Record, timed
-from tomo.rays.visible_pixels import pixels_of_hardware
+from tomo.rays.ray_box import pixels_of_hardware
 from tomo.scan import Scan
 from tomo.scan.advice import WAYS, correction_line, place_of
 from tomo.scan.images import Images, Masks

@@ -9,13 +9,9 @@ import math
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+from scipy.constants import c, h, k
 
-from tomo.radiometry.units import PLANCK, SPEED_OF_LIGHT
-
-BOLTZMANN = 1.380649e-23
-"""Boltzmann's constant in J/K, exact in the SI."""
-
-SECOND_CONSTANT = PLANCK * SPEED_OF_LIGHT / BOLTZMANN * 1e9
+SECOND_CONSTANT = h * c / k * 1e9
 """Second radiation constant ``h c / k`` in nm K."""
 
 
@@ -42,7 +38,7 @@ def planck_radiance(wavelength: ArrayLike, temperature: ArrayLike) -> NDArray[np
     """
     wavelength = np.asarray(wavelength, np.float64)
     exponent = SECOND_CONSTANT / (wavelength * np.asarray(temperature, np.float64))
-    first = 2e-9 * PLANCK * SPEED_OF_LIGHT**2 / (wavelength * 1e-9) ** 5
+    first = 2e-9 * h * c**2 / (wavelength * 1e-9) ** 5
     with np.errstate(over="ignore"):  # far in the ultraviolet a cold body sends nothing
         return first / np.expm1(exponent)
 
@@ -52,14 +48,8 @@ def log_ratio(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the logarithm of the emission's ratio at two wavelengths, and its slope.
 
-    Parameters
-    ----------
-    inverse : array
-        ``1 / T`` in 1/K, above 0; the slope is that by it.
-    wavelengths : (first, second)
-        In nm: the ratio is first over second.
-    exponent : float
-        The absorption coefficient is proportional to ``wavelength^-exponent``.
+    ``inverse`` is ``1 / T`` in 1/K, above 0, by which the slope is; the ratio is first over second
+    wavelength, in nm; absorption is proportional to ``wavelength^-exponent``.
 
     Notes
     -----

@@ -6,13 +6,9 @@ import re
 from dataclasses import dataclass
 from typing import Self
 
+from scipy.constants import c, h
+
 from rigs.files.units import metres
-
-PLANCK = 6.62607015e-34
-"""Planck's constant in J s, exact in the SI."""
-
-SPEED_OF_LIGHT = 299_792_458.0
-"""In m/s, exact in the SI."""
 
 _POWERS = {
     "W": 1.0, "kW": 1e3, "MW": 1e6, "mW": 1e-3, "uW": 1e-6, "nW": 1e-9, "photons/s": 1.0,
@@ -25,7 +21,6 @@ _SHORT = {"W": "W/m^{}/sr", "photons": "photons/s/m^{}/sr"}
 _PATTERN = re.compile(
     rf"({'|'.join(_POWERS)})/({'|'.join(_METRES)})\^?([23])/sr({'|'.join(filter(None, _BANDS))})?"
 )
-_AREA, _VOLUME = 2, 3
 
 
 @dataclass(frozen=True)
@@ -53,7 +48,7 @@ class LightUnit:
 
     power: str
     length: str = "m"
-    dimension: int = _AREA
+    dimension: int = 2
     band: str = ""
 
     @classmethod
@@ -65,9 +60,7 @@ class LightUnit:
         ValueError
             If it names none.
         """
-        return cls._parsed(
-            text, _AREA, "of radiance like W/m^2/sr or photons/s/m^2/sr, per nm too"
-        )
+        return cls._parsed(text, 2, "of radiance like W/m^2/sr or photons/s/m^2/sr, per nm too")
 
     @classmethod
     def of_emission(cls, text: str) -> Self:
@@ -78,7 +71,7 @@ class LightUnit:
         ValueError
             If it names none.
         """
-        return cls._parsed(text, _VOLUME, "of emission like W/m^3/sr or photons/s/m^3/sr")
+        return cls._parsed(text, 3, "of emission like W/m^3/sr or photons/s/m^3/sr")
 
     @classmethod
     def _parsed(cls, text: str, dimension: int, expected: str) -> Self:
@@ -107,7 +100,7 @@ class LightUnit:
     def emission(self) -> LightUnit:
         """The unit of emission, in metres and per nm, of images in this unit of radiance."""
         power = self.power if self.counts_photons else "W"
-        return LightUnit(power, "m", _VOLUME, "/nm" if self.band else "")
+        return LightUnit(power, "m", 3, "/nm" if self.band else "")
 
 
 def images_to_volume(
@@ -166,16 +159,11 @@ def photon_energy(wavelength: float) -> float:
     >>> round(photon_energy(500.0) * 1e19, 3)
     3.973
     """
-    return PLANCK * SPEED_OF_LIGHT / (wavelength * 1e-9)
+    return h * c / (wavelength * 1e-9)
 
 
 def unit_of_total(value_unit: str, length_unit: str) -> tuple[str, float]:
     """Return the unit of a volume's integral, and the factor to it from value times volume.
-
-    Parameters
-    ----------
-    value_unit, length_unit : str
-        Of the volume's values and of its voxels' edges.
 
     Examples
     --------

@@ -12,8 +12,17 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.aperture import Aperture
 from tomo._compute.grouping import take_groups
 from tomo.grid import VoxelGrid
-from tomo.rays.pinhole import BAD_LENGTH, FINE, NOT_FINITE, NOT_UNIT, first_fault, lines_of_sight
-from tomo.rays.pixel_rays import points_of_aperture, positions_in_pixel, rays_of_pixel
+from tomo.rays.pixel_rays import (
+    BAD_LENGTH,
+    FINE,
+    NOT_FINITE,
+    NOT_UNIT,
+    first_fault,
+    lines_of_sight,
+    points_of_aperture,
+    positions_in_pixel,
+    rays_of_pixel,
+)
 
 if TYPE_CHECKING:
     from rigs import CameraLike

@@ -23,36 +23,21 @@ def gaussian(
     fraction: float,
     rng: np.random.Generator,
     *,
-    clip: bool = False,
     maximum: float | None = None,
 ) -> Images:
     """Return the images plus white noise whose sigma is ``fraction`` of their maximum.
 
-    Parameters
-    ----------
-    images : array or list of arrays
-    fraction : float
-        Standard deviation of the noise over the maximum of all images, >= 0.
-    rng : numpy.random.Generator
-    clip : bool
-        Cut negative values to zero, as a camera without a pedestal does. The mean of dark pixels
-        is then 0.4 sigma instead of zero: reconstructions are biased.
-    maximum : float, optional
-        Counts as the maximum, for frames of one film; that of the images when None.
+    ``maximum`` counts as the maximum, for frames of one film.
 
     Raises
     ------
     ValueError
-        If ``fraction`` is negative or not finite, or an image is not finite.
-    TypeError
-        If ``rng`` is not a Generator.
+        If an image is not finite.
     """
-    _check_generator(rng)
-    _check_number("noise fraction", fraction, fraction >= 0, ">= 0")
     parts, finish = _open(images)
     sigma = fraction * (_maximum(parts) if maximum is None else maximum)
     noisy = [part + sigma * rng.standard_normal(part.shape) for part in parts]
-    return finish([np.maximum(part, 0) for part in noisy] if clip else noisy)
+    return finish(noisy)
 
 
 def poisson(
@@ -63,34 +48,18 @@ def poisson(
     *,
     maximum: float | None = None,
 ) -> Images:
-    """Return the images with the noise of counted photons and of the read-out.
+    """Return the images, >= 0, with the noise of counted photons and of the read-out.
 
     A value ``v`` becomes ``(Poisson(g v) + read_noise N(0, 1)) / g``, where the gain ``g`` maps
-    the images' maximum to ``photons_at_maximum`` detected photons: the scale is kept, the variance
-    is ``v / g + (read_noise / g)²``. Read noise may make dark pixels negative.
-
-    Parameters
-    ----------
-    images : array or list of arrays
-        Values >= 0.
-    photons_at_maximum : float
-        Detected photons (electrons) in the brightest pixel, > 0.
-    read_noise_electrons : float
-        Standard deviation of the read-out in electrons, >= 0.
-    rng : numpy.random.Generator
-    maximum : float, optional
-        See `gaussian`.
+    the images' maximum (see `gaussian`) to ``photons_at_maximum`` detected photons: the scale is
+    kept, the variance is ``v / g + (read_noise / g)²``. Read noise, in electrons, may make dark
+    pixels negative.
 
     Raises
     ------
     ValueError
-        If an image is negative or not finite, or a parameter is out of range.
-    TypeError
-        If ``rng`` is not a Generator.
+        If an image is negative or not finite.
     """
-    _check_generator(rng)
-    _check_number("photons_at_maximum", photons_at_maximum, photons_at_maximum > 0, "> 0")
-    _check_number("read_noise_electrons", read_noise_electrons, read_noise_electrons >= 0, ">= 0")
     parts, finish = _open(images)
     lowest = min(float(part.min()) for part in parts)
     if lowest < 0:
@@ -126,16 +95,9 @@ def noisy(
 def quantise(images: Images, bits: int, full_scale: float) -> Images:
     """Return the images as the integers of a camera, ``round(v / full_scale · (2^bits - 1))``.
 
-    Values below zero become 0 and those above ``full_scale`` the highest integer. In between the
-    error is at most half a step, see :func:`dequantise`.
-
-    Parameters
-    ----------
-    images : array or list of arrays
-    bits : int
-        1 to 16; the result is uint8 up to 8 bits, uint16 above (12 bits fill 0 to 4095).
-    full_scale : float
-        The intensity of the highest integer, > 0.
+    uint8 up to 8 of at most 16 bits, uint16 above (12 bits fill 0 to 4095). Values below zero
+    become 0 and those above ``full_scale`` the highest integer. In between the error is at most
+    half a step, see :func:`dequantise`.
 
     Raises
     ------
@@ -194,18 +156,6 @@ def _step(bits: int, full_scale: float) -> float:
     """Return the intensity between two neighbouring integers."""
     if bits != int(bits) or not 1 <= bits <= 16:
         raise ValueError(f"bits: found {bits}, expected a whole number from 1 to 16")
-    _check_number("full_scale", full_scale, full_scale > 0, "> 0")
+    if not (np.isfinite(full_scale) and full_scale > 0):
+        raise ValueError(f"full_scale: found {full_scale}, expected a finite number > 0")
     return full_scale / (2 ** int(bits) - 1)
-
-
-def _check_number(name: str, value: float, good: bool, expected: str) -> None:
-    if not (np.isfinite(value) and good):
-        raise ValueError(f"{name}: found {value}, expected a finite number {expected}")
-
-
-def _check_generator(rng: np.random.Generator) -> None:
-    if not isinstance(rng, np.random.Generator):
-        raise TypeError(
-            f"rng: found {type(rng).__name__}, expected numpy.random.Generator, "
-            "as numpy.random.default_rng(seed) returns"
-        )

@@ -19,7 +19,7 @@ from tomo.grid import VoxelGrid
 from tomo.operators.absorption import Absorption, attenuating, transmission
 from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
-from tomo.rays.visible_pixels import pixels_that_see
+from tomo.rays.ray_box import pixels_that_see
 from tomo.trace import Segments, trace
 
 if TYPE_CHECKING:
@@ -164,17 +164,8 @@ focus_distance=None, aperture_rays=32)
     ) -> Segments:
         """Return the segments of a camera's rays, their lengths times the transmission.
 
-        Parameters
-        ----------
-        rays : Rays
-            Rays from the camera on.
-        grid : VoxelGrid
-        emission : (nx, ny, nz) or flat
-            Emission of the gas on the grid, for self-absorption.
-        tracer : str
-            See `tomo.trace.trace`.
-        extinction : ExtinctionVolume, optional
-            That of gas in the scene.
+        ``emission`` ``(nx, ny, nz)`` or flat is the gas's on the grid, for self-absorption;
+        ``extinction`` that of gas in the scene.
         """
         absorption = self.gas(extinction)
         if not absorption:
@@ -197,19 +188,9 @@ focus_distance=None, aperture_rays=32)
         """Return the true weight of every segment over its length, ``(S,)``.
 
         It is the product of gain, vignetting and absorption. The blur of an aperture is no factor
-        of single segments and is left out.
-
-        Parameters
-        ----------
-        camera : CameraLike
-        segments : Segments
-            One pixel of the camera a row, one ray a pixel, with midpoints.
-        grid : VoxelGrid
-            The midpoints are measured from its centre.
-        emission : (voxels,), optional
-            One value for each of the voxel numbers of ``segments``; needed for self-absorption.
-        gain : float
-            The camera's gain, see `gains`.
+        of single segments and is left out. ``segments`` have one pixel of the camera a row, one
+        ray a pixel, and midpoints from the grid's centre; ``emission`` ``(voxels,)`` has one
+        value for each of their voxel numbers.
 
         Raises
         ------

@@ -18,8 +18,13 @@ from tomo.scan import Corrections
 from tomo.scan.write import writing_film
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
-from tomo.simulation.emission import field_and_grid
-from tomo.simulation.project import check_memory, device_of, project_volumes, volumes_at_once
+from tomo.simulation.project import (
+    check_memory,
+    device_of,
+    field_and_grid,
+    project_volumes,
+    volumes_at_once,
+)
 from tomo.simulation.simulate import SMALLEST_REFINEMENT, check
 
 if TYPE_CHECKING:
@@ -63,30 +68,21 @@ def simulate_film(
     """Write the film that a rig takes of a field as a scan folder; return its scan.yaml.
 
     Frame ``n`` shows the field at ``n / frame_rate`` seconds (`phantoms.field_at`). The folder
-    appears when all is done; the memory does not depend on the number of frames.
+    appears when all is done; the memory does not depend on the number of frames. Parameters and
+    errors are those of `tomo.simulation.simulate_images`, but for:
 
     Parameters
     ----------
-    rig, field, grid
-        See `tomo.simulation.simulate_images`.
-    folder : path-like
     frames : int
     frame_rate : float
         Frames a second.
-    supersample, refine, effects, tracer, device
-        See `tomo.simulation.simulate_images`.
     noise, photons, read_noise, bits
-        As there. The maximum is that of four frames spread over the film: its exposure does not
-        change. Full scale is a quarter above it, and brighter pixels are saturated.
+        The maximum is that of four frames spread over the film: its exposure does not change.
+        Full scale is a quarter above it, and brighter pixels are saturated.
     seed : int
         Noise is that of the seed and the frame's number: independent from frame to frame.
     progress : bool or callable, optional
         True shows a bar; called with the frames done, their total, and the step.
-
-    Raises
-    ------
-    ValueError
-        See `tomo.simulation.simulate_images`.
     """
     check(supersample, noise, photons, read_noise, bits, seed)
     device_number(device)

@@ -1,15 +1,17 @@
-"""From volumes to the images of them without noise: traced once for several volumes."""
+"""From an emission to images of it without noise: traced once for several volumes."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from phantoms import Field, SampledField
 from tomo._compute.memory import available_memory
-from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.grid import ActiveVoxels, VoxelGrid, grid_of_rig
+from tomo.io.xarray_volumes import volume_of_data_array
 from tomo.operators import Absorption, Projector, extinction_of
 from tomo.operators.gpu import DeviceProjector, taken_to, to_device
 from tomo.operators.gpu.names import CPU, ON_CPU
@@ -20,9 +22,38 @@ from tomo.rays import Rays
 from tomo.simulation.effects import Effects
 
 if TYPE_CHECKING:
+    from xarray import DataArray
+
     from rigs import Rig
     from rigs.progress import Progress
     from tomo.operators.gpu import Device
+
+
+def field_and_grid(
+    field: Field | DataArray, grid: VoxelGrid | None, rig: Rig
+) -> tuple[Field, VoxelGrid]:
+    """Return the field of an emission, and the grid: its own where none is given, else the rig's.
+
+    Raises
+    ------
+    ValueError
+        If a volume is in another unit of length than the rig, or no grid is known.
+    """
+    own = None
+    if hasattr(field, "dims"):
+        data, own, unit, _ = volume_of_data_array(cast("DataArray", field))
+        if unit != rig.length_unit:
+            raise ValueError(
+                f"field: length unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
+            )
+        field = SampledField(data, own)
+    grid = grid or own or grid_of_rig(rig)
+    if grid is None:
+        raise ValueError(
+            "grid: found none, expected a VoxelGrid, as the rig does not say where the volume is"
+        )
+    return cast("Field", field), grid
+
 
 _SEGMENTS_AT_ONCE = 8_000_000  # 100 MiB of segments, 300 with absorption, for any image size
 _RAYS_AT_ONCE = 2**19
@@ -43,21 +74,9 @@ def project_volumes(
 ) -> list[dict[str, NDArray[np.float32]]]:
     """Return the images of some volumes, camera name to ``(h, w)``, one mapping a volume.
 
-    Rays are traced once for all volumes, unless the gas absorbs its own light.
-
-    Parameters
-    ----------
-    rig : Rig
-    volumes : sequence of (nx, ny, nz) float32
-        On ``fine_grid``.
-    grid, fine_grid : VoxelGrid
-        One box, in coarse and in fine voxels.
-    effects : Effects
-    gains : (cameras,)
-    supersample, tracer, progress
-        See `tomo.simulation.simulate_images`.
-    device : Device, optional
-        Where rays are projected, by face crossings whatever the tracer; the CPU when None.
+    Rays are traced once for all volumes ``(nx, ny, nz)`` on ``fine_grid``, unless the gas
+    absorbs its own light. On a ``device`` they are projected by face crossings whatever the
+    tracer. See `tomo.simulation.simulate_images`.
 
     Raises
     ------

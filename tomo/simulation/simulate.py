@@ -21,8 +21,7 @@ from tomo.operators.gpu.names import device_number
 from tomo.scan import Corrections, Scan
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
-from tomo.simulation.emission import field_and_grid
-from tomo.simulation.project import check_memory, device_of, project_volumes
+from tomo.simulation.project import check_memory, device_of, field_and_grid, project_volumes
 
 if TYPE_CHECKING:
     from xarray import DataArray
@@ -91,16 +90,7 @@ def simulate(
 ) -> Scan:
     """Return the scan that a rig takes of a field, in memory: `Scan.save` writes it.
 
-    Parameters
-    ----------
-    rig : Rig
-    field : callable or DataArray
-        Maps points ``(N, 3)`` to emission ``(N,)``; or a volume, see `VoxelGrid.from_xarray`.
-    grid : VoxelGrid, optional
-        Where the truth is stored; that of the volume, else the rig's when None.
-    settings
-        See `tomo.simulation.simulate_images`: ``supersample, refine, effects, noise, photons,
-        read_noise, bits, seed, tracer, device, progress``.
+    Arguments as of `tomo.simulation.simulate_images`.
     """
     return simulate_images(rig, field, grid, **settings).scan
 

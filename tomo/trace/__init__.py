@@ -9,8 +9,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "merge": ["merging"],
-        "segments": ["Segments"],
+        "segments": ["Segments", "merging"],
         "tracers": ["MOST_VOXELS", "TRACERS", "trace", "tracing"],
     },
 )

@@ -22,17 +22,20 @@ from tomo._compute.jit import compiled
 from tomo._compute.threads import run_ranges, threads_worth
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.rays import Rays
-from tomo.trace._slab_setup import (
+from tomo.trace.plane_crossings import (
     RAYS_TOGETHER,
     WIDTH,
     clear_ahead,
     entry_of,
+    greater,
+    lesser,
     most_of,
     parameters_of,
+    passed,
+    passing,
     set_parameters,
     set_slabs,
 )
-from tomo.trace.plane_crossings import greater, lesser, passed, passing
 from tomo.trace.segments import Segments
 
 SLABS = 8
@@ -137,24 +140,9 @@ def _fill(
     """Write the segments of some chunks of rays, each from index ``begin[chunk]`` on; count them.
 
     Where ``voxel`` is empty, write the most that there can be to ``counts``, nothing else. Both
-    passes are one kernel, since the code they share takes long to compile.
-
-    Parameters
-    ----------
-    origins, directions, lengths, weights
-        As in `tomo.rays.Rays`.
-    box : tuple
-        The grid's lower and upper corner, its spacing and its shape.
-    distance : (voxels,) uint8
-        In voxels to the nearest active one; empty where all are active.
-    number : (voxels,) int
-        The number of each active voxel, negative for others; empty where all are active.
-    begin : (chunks,) int64
-    first_chunk, last_chunk : int
-        The chunks, the last excluded.
-    counts : (rays,) int64
-    voxel, length : (room,)
-    middle : (room or 0, 3)
+    passes are one kernel, since the code they share takes long to compile. ``distance`` (voxels,)
+    is in voxels to the nearest active one, ``number`` (voxels,) negative for inactive ones; both
+    are empty where all are active.
     """
     lower, upper, spacing, shape = box
     cuts, parameters = np.zeros(9 * SLABS), np.zeros((WIDTH, RAYS_TOGETHER))
@@ -196,14 +184,7 @@ def _fill(
 def _move_down(begin, ptr, words, array, moved):
     """Move the entries from ``begin[chunk]`` on to ``ptr[chunk]:ptr[chunk + 1]``.
 
-    Parameters
-    ----------
-    begin : (chunks,) int64
-    ptr : (chunks + 1,) int64
-    words : int
-        32-bit words of an entry.
-    array, moved : uint32
-        Source and target; may be the same array.
+    ``array`` and ``moved``, which may be the same, hold entries of so many 32-bit ``words``.
     """
     same = array.ctypes.data == moved.ctypes.data
     some = np.zeros(4096, np.uint32)

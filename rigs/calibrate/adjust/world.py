@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs.calibrate.adjust.observation_arrays import Scene
-from rigs.geometry.alignment import POORLY_MET, are_on_a_line, motion_between
-from rigs.geometry.rotation import numbers
+from rigs.geometry.rotation import POORLY_MET, are_on_a_line, motion_between, numbers
 
 
 def in_world(

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.left_out import causes_besides_lens, left_out
 from rigs.calibrate.quality.quality import Quality
-from rigs.geometry.rays import SILENT
+from rigs.geometry.points import SILENT
 
 # Limits above which a figure becomes a finding; lower ones would warn of sound calibrations
 _CAMERA_CONTRADICTS = 2.0  # standard deviations, a camera's contradiction

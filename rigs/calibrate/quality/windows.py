@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.scene.materials import Glass
 from rigs.scene.sight_lines import WINDOW
+from rigs.scene.surfaces import Glass
 
 if TYPE_CHECKING:
     from rigs.calibrate.adjust.freedom import Freedom

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.scene.materials import Glass
 from rigs.scene.paths import Paths
-from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, SPHERE, TRIANGLE
+from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, SPHERE, TRIANGLE, Glass
 from rigs.scene.tracing import REFLECTED as ENDS_REFLECTED
 
 if TYPE_CHECKING:

@@ -10,11 +10,9 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "crossing": ["Crossing"],
         "extinction_volume": ["ExtinctionVolume"],
-        "files": ["read_gas", "read_voxels", "write_voxels"],
-        "gas": ["Gas"],
-        "index_field": ["IndexField"],
+        "gas": ["Gas", "read_gas", "read_voxels", "write_voxels"],
+        "index_field": ["IndexField", "Crossing"],
         "index_volume": ["IndexVolume"],
     },
 )

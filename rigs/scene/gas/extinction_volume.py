@@ -1,14 +1,86 @@
-"""How strongly gas absorbs, given in a box of voxels."""
+"""Boxes of voxels, and how strongly gas in one absorbs."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Self
+from dataclasses import Field, dataclass, fields, replace
+from typing import TYPE_CHECKING, Any, ClassVar, Self
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.scene.gas.voxels import VoxelBox, corner, edges, values_of
+from rigs.geometry.rotation import numbers
+
+
+class VoxelBox:
+    """What boxes of voxels share: dataclasses with ``values``, ``lower`` and ``spacing``."""
+
+    if TYPE_CHECKING:  # of every one of them
+        __dataclass_fields__: ClassVar[dict[str, Field[Any]]]
+
+    values: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    spacing: NDArray[np.float64]
+
+    def _keep(self, what: str, least: float, expected: str) -> None:
+        """Check the arrays, and keep them read-only; one edge serves all axes."""
+        try:
+            values = np.array(self.values, np.float64, order="C")
+        except (TypeError, ValueError, OverflowError):
+            found = type(self.values).__name__
+            raise ValueError(f"{what}: found {found}, expected numbers") from None
+        if values.ndim != 3 or 0 in values.shape:
+            raise ValueError(f"{what}: found shape {values.shape}, expected (nx, ny, nz)")
+        if not np.isfinite(values).all():
+            raise ValueError(f"{what}: found NaN or infinity, expected finite numbers")
+        if values.min() < least:
+            place = tuple(np.argwhere(values == values.min())[0].tolist())
+            raise ValueError(
+                f"{what}: found {values.min():.6g} in voxel {place}, expected {expected}"
+            )
+        values.setflags(write=False)
+        spacing = numbers(np.broadcast_to(self.spacing, (3,)), (3,), f"{what}: spacing")
+        if not (spacing > 0).all():
+            raise ValueError(
+                f"{what}: spacing: found {spacing.tolist()}, expected numbers above 0"
+            )
+        object.__setattr__(self, "values", values)
+        object.__setattr__(self, "lower", numbers(self.lower, (3,), f"{what}: lower"))
+        object.__setattr__(self, "spacing", spacing)
+
+    @property
+    def upper(self) -> NDArray[np.float64]:
+        """The box's upper corner, ``(3,)``."""
+        return self.lower + self.spacing * self.values.shape
+
+    def __eq__(self, other: object) -> bool:
+        return type(self) is type(other) and all(
+            np.array_equal(getattr(self, field.name), getattr(other, field.name))
+            for field in fields(self)
+        )
+
+    def __hash__(self) -> int:
+        return hash((self.values.shape, float(self.values.sum())))
+
+    def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
+        """Return the volume after the rigid motion ``x_new = R @ x_old + t`` of the world.
+
+        Raises
+        ------
+        ValueError
+            If its faces leave the directions of the axes.
+        """
+        turn = np.rint(R)
+        if np.abs(turn - R).max() > 1e-9:
+            raise ValueError(
+                "gas: found a rotation that turns its voxels off the axes, expected quarter "
+                "turns: write the gas anew in the new world"
+            )
+        axes = np.abs(turn).argmax(axis=1)  # the old axis of each new one
+        signs = turn[np.arange(3), axes]
+        moved = np.transpose(self.values, axes)
+        moved = moved[tuple(slice(None, None, int(sign)) for sign in signs)]
+        ends = np.stack([turn @ self.lower, turn @ self.upper]) + t
+        return replace(self, values=moved, lower=ends.min(axis=0), spacing=self.spacing[axes])
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,16 +112,7 @@ class ExtinctionVolume(VoxelBox):
 
     def __post_init__(self) -> None:
         """Check the values, and keep them read-only."""
-        values = values_of(self.values, "extinction volume")
-        if values.min() < 0:
-            place = tuple(np.argwhere(values == values.min())[0].tolist())
-            raise ValueError(
-                f"extinction volume: found {values.min():.6g} in voxel {place}, expected numbers "
-                ">= 0, in 1 / length"
-            )
-        object.__setattr__(self, "values", values)
-        object.__setattr__(self, "lower", corner(self.lower, "extinction volume"))
-        object.__setattr__(self, "spacing", edges(self.spacing, "extinction volume"))
+        self._keep("extinction volume", 0, "numbers >= 0, in 1 / length")
 
     def __repr__(self) -> str:
         """Name the box."""
@@ -63,12 +126,7 @@ class ExtinctionVolume(VoxelBox):
     ) -> NDArray[np.float64]:
         """Return the mean extinction in each voxel of another box, ``shape``.
 
-        Parameters
-        ----------
-        lower : (3,)
-            The other box's lower corner.
-        spacing : (3,)
-        shape : (int, int, int)
+        ``lower`` ``(3,)`` is that box's lower corner, ``spacing`` ``(3,)`` its voxels' edges.
 
         Notes
         -----

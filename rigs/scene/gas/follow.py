@@ -48,16 +48,11 @@ def follow(
     halvings : (nx + 1, ny + 1, nz + 1) int8
         How often each cell is halved for steps, from the one before voxel 0's centre on;
         negative where several are taken together.
-    medium : float
-    lower, spacing : (3,) float64
-        The box's outer corner and the edges of a voxel.
+    medium, lower, spacing
+        The box's index around it, its outer corner and the edges of a voxel, ``(3,)``.
     tolerance : float
         How far a path may be from a piece.
     origins, directions : (rays, 3) float64
-
-    Returns
-    -------
-    pieces, counts, exit_origins, exit_directions, trapped
     """
     exits = origins.copy(), directions.copy()
     counts, trapped = np.zeros(len(origins), np.int64), np.zeros(len(origins), np.bool_)

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.scene.gas.crossing import Crossing, pairs_of_vectors
+from rigs.scene.gas.extinction_volume import VoxelBox
 from rigs.scene.gas.follow import follow
-from rigs.scene.gas.index_field import IndexField
-from rigs.scene.gas.voxels import VoxelBox, corner, edges, values_of
+from rigs.scene.gas.index_field import Crossing, IndexField, pairs_of_vectors
 
 if TYPE_CHECKING:
     from scipy.interpolate import NdBSpline
@@ -82,18 +81,10 @@ class IndexVolume(VoxelBox, IndexField):
 
     def __post_init__(self) -> None:
         """Check the values, and keep them read-only."""
-        values, medium = values_of(self.values, "index volume"), self.medium
+        medium = self.medium
         if not (np.isfinite(medium) and medium >= 1):
             raise ValueError(f"index volume: medium: found {medium}, expected a number >= 1")
-        if values.min() < 1:
-            place = tuple(np.argwhere(values == values.min())[0].tolist())
-            raise ValueError(
-                f"index volume: found {values.min():.6g} in voxel {place}, expected n >= 1: "
-                "n itself, not n - 1 or a density"
-            )
-        object.__setattr__(self, "values", values)
-        object.__setattr__(self, "lower", corner(self.lower, "index volume"))
-        object.__setattr__(self, "spacing", edges(self.spacing, "index volume"))
+        self._keep("index volume", 1, "n >= 1: n itself, not n - 1 or a density")
         object.__setattr__(self, "medium", float(medium))
 
     def __repr__(self) -> str:
