@@ -104,25 +104,6 @@ def test_every_view_holds_the_whole_box_and_little_else(name):
     assert rig[0].image_size[1] <= 312  # 73.2 mm of 0.237 mm at 5500 mm, pitched
 
 
-def test_presets_are_the_papers_layouts():
-    level, pitched, random = (rigs.preset(f"paper33_{n}") for n in ("level", "pitch", "random"))
-    for rig in (level, pitched, random):
-        assert len(rig) == 33
-        np.testing.assert_allclose(angles(rig) % 360, 11 * np.arange(33), atol=1e-6)
-    np.testing.assert_allclose(level.footprint(), 0.25, rtol=1e-6)
-    for rig in (pitched, random):
-        distances = np.array([np.linalg.norm(camera.position) for camera in rig])
-        heights = np.array([camera.position[1] for camera in rig])
-        np.testing.assert_allclose(
-            np.rad2deg(np.arcsin(heights / distances)), ALTERNATELY, atol=1e-6
-        )
-    assert 5500 <= distances.min() < 5650
-    assert 6350 < distances.max() <= 6500
-    for step in (11, 22, 33):
-        rig = rigs.preset(f"paper11_{step}deg")
-        np.testing.assert_allclose(angles(rig) % 360, step * np.arange(11), atol=1e-6)
-
-
 @pytest.mark.parametrize(("name", "value"), [("footprint", 0.0), ("distance", -1.0)])
 def test_a_length_that_is_not_positive_is_reported_as_found(name, value):
     lengths = {"distance": 100.0, "footprint": 0.5} | {name: value}

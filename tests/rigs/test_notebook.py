@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from rigs import Rig, Volume, as_ray_tables, look_at, preset, ring
-from rigs.notebook import HEIGHT, WIDTH, drawing, facts, framed, upward
+from rigs.notebook import HEIGHT, WIDTH, facts, framed, upward
 from rigs.scene import Glass, Scene, Window
 
 BOX = Volume((4, 10, 4), 1.0)
@@ -39,15 +39,6 @@ def test_cameras_stand_round_the_volume_as_seen_from_above():
     assert toward == {"cam00": [1, 0], "cam01": [0, -1], "cam02": [-1, 0], "cam03": [0, 1]}
     assert np.ptp([point[1] for point in places(side).values()]) == pytest.approx(0)
     assert all(((point > 0) & (point < [WIDTH, HEIGHT])).all() for point in at.values())
-
-
-def test_symbols_open_towards_the_volume():
-    (above, _) = views(drawing(RIG.cameras, BOX.corners()))
-    for group in above.iter("g"):
-        corners = [tuple(map(float, pair.split(","))) for pair in
-                   group.find("polygon").get("points").split()]  # fmt: skip
-        start, *ends = np.array(corners) - [WIDTH / 2, HEIGHT / 2]
-        assert np.linalg.norm(np.mean(ends, axis=0)) < np.linalg.norm(start)
 
 
 def test_a_camera_above_is_above_in_the_view_from_the_side():

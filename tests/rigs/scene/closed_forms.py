@@ -1,26 +1,13 @@
 """Light's way through simple optics, in closed form: what a traced path is compared with.
 
 Nothing here is of the package. Angles are in radians, directions are unit vectors, and indices are
-relative to vacuum. Sources: [BW] Born and Wolf, "Principles of Optics", 7th edition; [JW] Jenkins
-and White, "Fundamentals of Optics", 4th edition; [LK] Lowe and Kutt, "Refraction through
-cylindrical tubes", Experiments in Fluids 13 (1992); [SKG] Sharma, Kumar and Ghatak, "Tracing rays
-through graded-index media", Applied Optics 21 (1982); [L] Luneburg, "Mathematical Theory of
-Optics" (1944).
+relative to vacuum. Sources: [BW] Born and Wolf, "Principles of Optics", 7th edition; [LK] Lowe and
+Kutt, "Refraction through cylindrical tubes", Experiments in Fluids 13 (1992).
 """
 
 import math
 
 import numpy as np
-
-
-def plate_shift(thickness, angle, index):
-    """Return how far a plane-parallel plate in air shifts a ray sideways; the direction stays.
-
-    ``d = t sin a (1 - cos a / sqrt(n² - sin² a))``, ``a`` between the ray and the normal ([JW]
-    chapter 2, Snell's law inserted).
-    """
-    sine = np.sin(angle)
-    return thickness * sine * (1 - np.cos(angle) / np.sqrt(index**2 - sine**2))
 
 
 def behind_plate(origins, directions, normal, thickness, index):
@@ -48,11 +35,6 @@ def prism_deviation(apex, incidence, index):
     leaving = np.sin(apex) * np.sqrt(index**2 - sine**2) - np.cos(apex) * sine
     with np.errstate(invalid="ignore"):
         return incidence - apex + np.arcsin(leaving)
-
-
-def least_prism_deviation(apex, index):
-    """Return the least of the deviations, ``2 arcsin(n sin(A / 2)) - A`` ([BW] 4.7.2)."""
-    return 2 * np.arcsin(index * np.sin(apex / 2)) - apex
 
 
 def ball_focus(diameter, index):
@@ -156,32 +138,6 @@ def mirrored_directions(directions, normal):
     return mirror_image(directions, np.zeros(3), normal)
 
 
-def gradient_path(origin, direction, index, gradient, sigma):
-    """Return points and directions ``(N, 3)`` on a path where ``n²`` is linear: a parabola.
-
-    ``n² = index² + 2 gradient · (x - origin)``. With ``dσ = ds / n`` the ray equation is
-    ``x'' = ∇n² / 2`` and ``|x'| = n`` ([SKG]), so ``x = origin + index d σ + gradient σ² / 2``.
-    """
-    sigma = np.asarray(sigma, float)[:, None]
-    start = index * np.asarray(direction, float)
-    gradient = np.asarray(gradient, float)
-    points = np.asarray(origin, float) + start * sigma + gradient * sigma**2 / 2
-    return points, _unit(start + gradient * sigma)
-
-
-def luneburg_path(origin, direction, sigma):
-    """Return points and directions ``(N, 3)`` on a path in Luneburg's lens of radius 1.
-
-    ``n² = 2 - r²``, 1 on the surface, where ``origin`` lies. With ``dσ = ds / n`` the ray equation
-    is ``x'' = -x``, so ``x = origin cos σ + d sin σ``: parallel rays meet at ``d``, the far point
-    of the surface, at ``σ = π / 2`` ([L] chapter III).
-    """
-    sigma = np.asarray(sigma, float)[:, None]
-    origin, direction = np.asarray(origin, float), np.asarray(direction, float)
-    points = origin * np.cos(sigma) + direction * np.sin(sigma)
-    return points, _unit(direction * np.cos(sigma) - origin * np.sin(sigma))
-
-
 def fresnel_transmission(angle, before, after):
     """Return the fraction of unpolarised light that passes a surface between two indices.
 
@@ -199,14 +155,6 @@ def fresnel_transmission(angle, before, after):
         within = (np.tan(apart) / np.tan(both)) ** 2
     reflected = np.where(angle == 0, straight, (across + within) / 2)
     return np.where(total, 0.0, 1 - reflected)
-
-
-def defocus_disc(focal_length, f_number, focus, distance):
-    """Return the diameter of the disc, in the object at ``distance``, that a pixel sees.
-
-    The cone from the aperture ``f / N`` to the point in focus, cut at ``distance`` from the lens.
-    """
-    return focal_length / f_number * np.abs(distance - focus) / focus
 
 
 def _unit(vectors):

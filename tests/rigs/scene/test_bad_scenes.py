@@ -52,14 +52,10 @@ CASES = {
     "index by a wrong name": ([WINDOW | {"index": "gelatine"}], "solid pane: index: found 'gel"),
     "another unit": ([WINDOW | {"size": 0.04, "point": [0, 0, 0.06], "thickness": 0.01}],
                      "check the units"),
-    "another unit, larger": ([BALL | {"center": [0, 0, 6e5], "radius": 2e5}], "check the units"),
     "overlap": ([WINDOW, BALL], "solids pane and ball: found one in the other"),
     "one name twice": ([BALL, WINDOW | {"name": "ball", "point": [0, 0, 90]}], "found twice"),
     "thickness of 0": ([WINDOW | {"thickness": 0}], "solid pane: thickness: found 0"),
     "no thickness": ([without(WINDOW, "thickness")], "solid pane: thickness: missing"),
-    "thickness of nothing": ([WINDOW | {"thickness": None}], "solid pane: thickness: missing"),
-    "radius of nothing": ([BALL | {"radius": None}], "solid ball: radius: missing"),
-    "file of nothing": ([MESH | {"file": None}], "solid part: file: missing"),
     "no index": ([without(WINDOW, "index")], "solid pane: index: missing"),
     "radius of a window": ([WINDOW | {"radius": 3}], "radius: found, expected no such"),
     "unknown field": ([WINDOW | {"colour": "red"}], "solid pane: colour"),
@@ -72,7 +68,6 @@ CASES = {
                             "material": "opaque"}], "inner_radius: found 6"),
     "no file": ([MESH], "part.stl: no such file"),
     "file outside": ([MESH | {"file": "../part.stl"}], "expected a path inside the rig's folder"),
-    "a text for a number": ([WINDOW | {"thickness": "ten"}], "solid pane: thickness"),
     "NaN": ([WINDOW | {"point": [0, 0, float("nan")]}], "solid pane: point"),
 }  # fmt: skip
 
@@ -156,7 +151,7 @@ def test_files_without_a_mesh_are_refused(load, content):
 def test_a_mesh_too_large_is_refused_by_its_memory_before_it_is_read(load):
     with open(load.folder / "part.stl", "wb") as file:
         file.truncate(LARGEST * 100 + 1)  # takes no room on the disk
-    with pytest.raises(ValueError, match=r"GB of memory\), expected at most .*simplify"):
+    with pytest.raises(ValueError, match=r"found 400 MB, expected at most .*simplify"):
         load(MESH)
     corners = np.zeros((3, 3))
     with pytest.raises(ValueError, match=r"triangles \(some .* GB\), expected at most"):

@@ -39,13 +39,6 @@ def test_in_a_brick_halves_follow_halves():
     np.testing.assert_array_equal(places, expected)
 
 
-def test_neighbours_stand_closer_than_in_the_flat_volume():
-    shape = (32, 32, 32)
-    places = brick_order(np.ones(shape, np.bool_)).reshape(shape)
-    for axis in range(3):
-        assert np.median(np.abs(np.diff(places, axis=axis))) <= 7
-
-
 def test_few_unknowns_stay_in_their_order():
     assert ActiveVoxels(VoxelGrid((16, 16, 16), 1.0)).storage_index is None
     assert ActiveVoxels(VoxelGrid((16, 16, 17), 1.0)).storage_index is not None

@@ -218,14 +218,6 @@ def test_an_infinite_margin_carves_nothing():
     assert carve(tuple(rig), images_of(rig, ball()), None, GRID, margin=np.inf).active.all
 
 
-def test_two_views_are_enough():
-    rig = rig_of(2, step_degrees=90)
-    volume = ball(1.5)
-    found = carve(tuple(rig), images_of(rig, volume), None, GRID)
-    assert lost(found, volume) < 1e-4
-    assert found.active.size < 0.3 * GRID.size
-
-
 def test_a_saturated_core_that_is_masked_stays_live():
     rig = rig_of(6)
     volume = ball(2.5)

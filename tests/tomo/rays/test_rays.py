@@ -154,10 +154,6 @@ def test_from_lines_normalises_and_repeats():
     assert len(Rays.from_lines(np.zeros((0, 3)), np.zeros((0, 3)))) == 0
 
 
-def test_its_repr_names_the_sizes(camera):
-    assert repr(Rays.from_camera(camera, supersample=2)) == "<Rays: 48 pixels, 192 pieces>"
-
-
 def parts(**changed):
     plain = {
         "origins": np.zeros((2, 3)),

@@ -166,24 +166,6 @@ def test_all_live_is_the_same_as_none_given(tracer):
     )
 
 
-def test_many_rays_through_edges_lose_and_gain_nothing():
-    """More rays than one thread takes at a time, most of them through edges and corners."""
-    grid = VoxelGrid((16, 16, 16), 1.0)
-    rng = np.random.default_rng(3)
-    directions = rng.integers(-2, 3, (4000, 3)).astype(float)
-    directions[(directions == 0).all(axis=1)] = [1, 0, 0]
-    corners = rng.integers(1, 16, (4000, 3)) - 8.0
-    rays = Rays.from_lines(corners - 32 * directions, directions)
-    march, oracle = (trace(rays, grid, name, midpoints=True) for name in ("march", "reference"))
-    assert (march.length > 0).all()
-    pixel = np.repeat(np.arange(len(rays)), np.diff(march.ptr))
-    chords = np.bincount(pixel, march.length, len(rays))
-    pixel = np.repeat(np.arange(len(rays)), np.diff(oracle.ptr))
-    np.testing.assert_allclose(chords, np.bincount(pixel, oracle.length, len(rays)), atol=1e-4)
-    index = np.stack(np.unravel_index(march.voxel, grid.shape), axis=1)
-    assert np.abs(march.midpoint - (index - 7.5)).max() <= 0.5 + 1e-5
-
-
 def test_active_voxels_of_another_grid_are_refused():
     with pytest.raises(ValueError, match="active: found voxels of"):
         trace(through(GRIDS[0]), GRIDS[0], active=ActiveVoxels(GRIDS[1]))

@@ -49,15 +49,6 @@ def through():
     return grid, rays, trace(rays, grid, midpoints=True, dtype=np.float64)
 
 
-def test_voxel_numbers_are_those_of_the_midpoints(through):
-    _, _, segments = through
-    index = np.floor(segments.midpoint / 0.25 + SIDE / 2).astype(np.int64)  # (crossings, 3)
-    expected = (index[:, 0] * SIDE + index[:, 1]) * SIDE + index[:, 2]
-    sure = segments.length > 1e-6  # shorter ones: on which side the middle lies is rounding
-    np.testing.assert_array_equal(segments.voxel[sure], expected[sure])
-    assert (segments.voxel > 2**31).mean() > 0.2
-
-
 @linux
 @pytest.mark.parametrize("axes", [(0, 1, 2), (1, 2, 0), (2, 0, 1)])
 def test_running_sums_are_projected_and_back(through, axes):
@@ -156,8 +147,6 @@ def refused():
         "voxels of 1e308": partial(VoxelGrid, (4, 4, 4), 1e308),
         "voxels of 5e-324": partial(VoxelGrid, (4, 4, 4), 5e-324),
         "1e17 voxels off": partial(VoxelGrid, (4, 4, 4), 1.0, (1e17, 0, 0)),
-        "a direction of nothing": partial(Rays.from_lines, [0, 0, 0], [0, 0, 0]),
-        "an infinite direction": partial(Rays.from_lines, [0, 0, 0], [1, np.inf, 0]),
     }
 
 

@@ -160,11 +160,6 @@ def test_midpoints_lie_in_their_voxel_and_are_measured_from_the_center(tracer, c
 
 
 @EVERY
-def test_midpoints_are_kept_only_when_asked_for(tracer):
-    assert trace(through(CUBE), CUBE, tracer).midpoint is None
-
-
-@EVERY
 def test_moving_rays_and_grid_together_changes_nothing(tracer):
     rays = through(CUBE)
     # Multiples of 2^-20, so that the shift itself does not round.
@@ -198,18 +193,6 @@ def test_axes_are_alike(tracer):
         flipped = [1 + a for a in range(3) if signs[a] < 0]
         expected = np.flip(np.transpose(before, [0, *(1 + a for a in order)]), flipped)
         np.testing.assert_allclose(dense(after, turned), expected, atol=1e-12)
-
-
-@EVERY
-def test_lengths_scale_with_the_world(tracer):
-    rays, factor = through(CUBE), 1000.0
-    large = VoxelGrid(CUBE.shape, 0.5 * factor, factor * np.array(CUBE.center))
-    scaled = Rays.from_lines(factor * rays.origins, rays.directions)
-    np.testing.assert_allclose(
-        dense(trace(scaled, large, tracer, dtype=np.float64), large),
-        factor * dense(trace(rays, CUBE, tracer, dtype=np.float64), CUBE),
-        atol=1e-9,
-    )
 
 
 @EVERY
@@ -250,13 +233,6 @@ def test_voxel_numbers_are_32_bit_as_long_as_they_fit():
         segments = trace(Rays.from_lines(grid.upper - 0.5, [1, 0, 0]), grid, tracer)
         assert segments.voxel.dtype == np.int32
         assert segments.voxel.tolist() == [grid.size - 1]
-
-
-@EVERY
-def test_more_voxels_than_can_be_numbered_are_refused(tracer):
-    grid = VoxelGrid((2**18,) * 3, 1.0)
-    with pytest.raises(ValueError, match=r"expected at most 2\^53 voxels"):
-        trace(Rays.from_lines(grid.upper - 0.5, [1, 0, 0]), grid, tracer)
 
 
 def test_an_unknown_tracer_is_named():

@@ -60,18 +60,3 @@ def test_work_in_blocks_is_the_work_at_once(monkeypatch):
     assert len(whole) > 1000
     for name in ("ptr", "voxel", "length", "midpoint"):
         np.testing.assert_array_equal(getattr(blocks, name), getattr(whole, name))
-
-
-def test_planes_stand_between_the_voxels_and_overhang():
-    vertices, triangles = raycast.plane_quads((3, 2, 1))
-    assert triangles.shape == (2 * 3, 3)
-    corners = vertices[triangles].astype(float)  # (triangles, corners, 3)
-    across = [np.flatnonzero(np.ptp(c, axis=0) == 0).tolist() for c in corners]
-    assert across == [[0]] * 4 + [[1]] * 2
-    assert corners[:4, 0, 0].tolist() == [-0.5, -0.5, 0.5, 0.5]
-    assert corners[4:, 0, 1].tolist() == [0, 0]
-    assert np.abs(corners[:4, :, 1]).min() > 1.0
-    assert np.abs(corners[:4, :, 2]).min() > 0.5
-    edges = corners[:2, 1:] - corners[:2, :1]  # of the two triangles of the first plane
-    areas = np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1) / 2
-    np.testing.assert_allclose(areas, (2 + 4) * (1 + 4) / 2)
