@@ -1,13 +1,12 @@
-"""One place that decides how kernels are compiled, threaded and cached.
+"""How kernels are compiled, threaded and cached, and where they refuse to run.
 
 numba's TBB layer refuses the TBB of many systems with a warning and its ``workqueue`` layer must
 not be entered from two threads, so OpenMP comes first. Compiled code is cached beside the package
 or, where that folder is read-only, in the user's cache; without either it is compiled afresh.
 
-Processes that were forked after OpenMP had started its threads: they have none of them.
-
-GNU's OpenMP cannot go on there. numba ends such a process at its first parallel loop, by a signal,
-and `multiprocessing.Pool` then starts another one, for ever. An error says what to do instead.
+GNU's OpenMP cannot go on in a process that was forked after it had started its threads. numba ends
+such a process at its first parallel loop, by a signal, and `multiprocessing.Pool` then starts
+another one, for ever. An error says what to do instead.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
-"""Columns of the parameters of effects, where the products of a frame are computed.
+"""The unknowns of a joint solve, and the columns of its parameters.
 
-Parameters are few and NumPy's; pixels may be arrays on a device. There all views are summed at
-once: the pixels of each lie one below the other in a box as high as the largest view.
-
-The unknowns of a joint solve: voxels where products are computed, parameters of NumPy's.
+Parameters are few and NumPy's; voxels and pixels may be arrays on a device. There all views are
+summed at once: the pixels of each lie one below the other in a box as high as the largest view.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """Effects found beside the voxels, one at a time, as far as they exceed what exact cameras make.
 
-Detection, identification, adaptation: all effects are scored from one fit, the largest is let
-loose and found together with the voxels, and all are scored again, until none exceeds its null.
-
-How far the total light may be off because of what was found of cameras and gas.
+All effects are scored from one fit, the largest is let loose and found together with the voxels,
+and all are scored again, until none exceeds its null.
 """
 
 from __future__ import annotations

@@ -1,7 +1,4 @@
-"""Images that are turned over, or another camera's: causes that have no derivative.
-
-Images that say nothing: a cap on the lens, one value all over, one file for two cameras.
-"""
+"""Images that are turned over, another camera's, or say nothing: causes without a derivative."""
 
 from __future__ import annotations
 

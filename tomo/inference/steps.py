@@ -1,7 +1,4 @@
-"""One step of every effect from the fits, and what the same steps come to on the null.
-
-The null: what effects seem to be where cameras are exact, on scenes like the one found.
-"""
+"""One step of every effect from the fits, and from the null: scenes seen by exact cameras."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Gas that absorbs and is not the flame: a cloud to one side, smoke around, on a coarse grid.
-
-Gas that absorbs: a medium that fills the grid, and gas that absorbs its own light.
-"""
+"""Gas that absorbs: a medium, gas that absorbs its own light, and a field on a coarse grid."""
 
 from __future__ import annotations
 

@@ -1,7 +1,4 @@
-"""Where every camera stands and looks: its image shifted, turned, magnified, seen from beside.
-
-How far off a rig says its cameras may be, in pixels of their images.
-"""
+"""Where every camera stands and looks, and how far off a rig says it may be."""
 
 from __future__ import annotations
 

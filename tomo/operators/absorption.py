@@ -1,7 +1,4 @@
-"""Gas that absorbs: rays whose segments count by the fraction of their light that arrives.
-
-Light through absorbing gas: the fraction that arrives, and what more gas would change.
-"""
+"""Light through gas that absorbs: the fraction that arrives, and what more gas would change."""
 
 from __future__ import annotations
 
@@ -86,12 +83,7 @@ def transmission(
 def dimming(segments: Segments, rays: Rays, light: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the change of every ray by a unit of extinction in each segment: ``(segments,)``.
 
-    Parameters
-    ----------
-    segments : Segments
-        As of `transmission`.
-    light : (segments,)
-        What arrives of the light of every segment, times the ray's weight.
+    ``light`` (segments,) is what arrives of the light of every segment, times the ray's weight.
 
     Notes
     -----
@@ -216,12 +208,8 @@ def attenuating(
 ) -> Tracer:
     """Return the tracer whose lengths are times the fraction of light that arrives.
 
-    Parameters
-    ----------
-    emission : (unknowns,), optional
-        Of the active voxels; needed where ``absorption.emission`` is not 0.
-    tracer, active
-        See `tomo.trace.trace`.
+    ``emission`` (unknowns,) of the active voxels is needed where ``absorption.emission`` is not 0;
+    ``tracer`` and ``active`` as of `tomo.trace.trace`.
 
     Notes
     -----
@@ -251,16 +239,8 @@ def dimmed(
 ) -> Tracer:
     """Return the tracer whose lengths are the change of a pixel by more extinction in a voxel.
 
-    Parameters
-    ----------
-    absorption : Absorption
-        Of the gas that is there already.
-    volume : (voxels,)
-        The unknowns whose light is dimmed, zero where none is.
-    emission : (voxels,), optional
-        That in the exponent, see `attenuating`.
-    tracer : str
-        See `tomo.trace.trace`.
+    ``volume`` (voxels,) are the unknowns whose light is dimmed by more than the gas that is there
+    already; ``emission`` (voxels,) as of `attenuating`.
     """
     follow = _followed(grid, absorption, emission, tracer, None)
 

@@ -1,17 +1,4 @@
-"""Emission that is linear between voxel centres: the trilinear basis.
-
-`voxel_means` and `coefficients_of` lead from its coefficients to the means of voxels, and back.
-
-Gaussian blobs at the voxel centres as basis functions: the method of sieves.
-
-Voxels finer than the cameras can resolve let a solver fit noise and calibration errors with
-streaks. With a volume written as ``x = G z``, ``G`` a Gaussian blur, only volumes at least as
-smooth as ``G`` exist; non-negative ``z`` gives non-negative ``x``. Every solver that works on
-projections alone can use it: it sees ``A G``, whose exact transpose is ``G A^T``.
-
-Snyder and Miller, "The use of sieves to stabilize images produced with the EM algorithm for
-emission tomography", IEEE Transactions on Nuclear Science 32 (1985).
-"""
+"""Basis functions other than voxels: hats, linear between voxel centres, and Gaussian blobs."""
 
 from __future__ import annotations
 
@@ -190,7 +177,11 @@ def _on_grid(operator: ProjectionOperator, unknowns: NDArray) -> NDArray:
 
 
 class GaussianBasis(BasisProjector):
-    """The projection ``A G`` of Gaussian blobs at the voxel centres.
+    """The projection ``A G`` of Gaussian blobs at the voxel centres: the method of sieves.
+
+    Voxels finer than the cameras can resolve let a solver fit noise and calibration errors with
+    streaks. With a volume written as ``x = G z``, ``G`` a Gaussian blur, only volumes at least as
+    smooth as ``G`` exist; non-negative ``z`` gives non-negative ``x``.
 
     Parameters
     ----------
@@ -211,6 +202,11 @@ class GaussianBasis(BasisProjector):
     The kernel is cut at three standard deviations and sums to one. The emission is zero outside
     the grid and in voxels that are not active, so that ``G`` is symmetric and the adjoint exact;
     it passes the dot test to 1e-12 in float64.
+
+    References
+    ----------
+    Snyder and Miller, "The use of sieves to stabilize images produced with the EM algorithm for
+    emission tomography", IEEE Transactions on Nuclear Science 32 (1985).
     """
 
     def __init__(

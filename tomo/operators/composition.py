@@ -53,7 +53,40 @@ class ImageOperator(LinearOperator):
         return self._adjoint()  # scipy's own copies both vectors to conjugate them
 
 
-class ComposedProjector(ProjectionOperator):
+class _OfRays(ProjectionOperator):
+    """A composition, which hands on what its inner projection says of the rays."""
+
+    @property
+    @abstractmethod
+    def _inner(self) -> ProjectionOperator:
+        """The projection that it is made on."""
+
+    @property
+    def is_stored(self) -> bool:
+        """Whether the entries of the rays are stored."""
+        return self._inner.is_stored
+
+    @property
+    def n_segments(self) -> int:
+        """Number of segments of rays in voxels."""
+        return self._inner.n_segments
+
+    @property
+    def segments(self) -> Segments:
+        """The segments of the rays, before any blur."""
+        return self._inner.segments
+
+    @property
+    def arrays(self) -> tuple[NDArray, ...]:
+        """The arrays that define the entries."""
+        return self._inner.arrays
+
+    def with_lengths(self, length: NDArray[np.floating]) -> Self:
+        """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
+        return self.with_rays(lambda rays: rays.with_lengths(length))
+
+
+class ComposedProjector(_OfRays):
     """The projection ``B A`` of rays ``A`` whose images an operator ``B`` maps.
 
     Parameters
@@ -106,9 +139,8 @@ class ComposedProjector(ProjectionOperator):
         return self.rays.T @ (self.images.T @ y)
 
     @property
-    def is_stored(self) -> bool:
-        """Whether the entries of the rays are stored."""
-        return self.rays.is_stored
+    def _inner(self) -> ProjectionOperator:
+        return self.rays
 
     @property
     def basis(self) -> str:
@@ -121,16 +153,6 @@ class ComposedProjector(ProjectionOperator):
         return self.rays.without_blur
 
     @property
-    def n_segments(self) -> int:
-        """Number of segments of rays in voxels."""
-        return self.rays.n_segments
-
-    @property
-    def segments(self) -> Segments:
-        """The segments of the rays, before ``B``."""
-        return self.rays.segments
-
-    @property
     def arrays(self) -> tuple[NDArray, ...]:
         """The arrays that define the entries."""
         return *self.rays.arrays, *self.images.arrays
@@ -138,10 +160,6 @@ class ComposedProjector(ProjectionOperator):
     def with_rays(self, change: Change) -> Self:
         """Return the same composition on other rays; see `ProjectionOperator.with_rays`."""
         return type(self)(self.images, self.rays.with_rays(change), self.view_ptr)
-
-    def with_lengths(self, length: NDArray[np.floating]) -> Self:
-        """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
-        return self.with_rays(lambda rays: rays.with_lengths(length))
 
     def rows(self, start: int, stop: int) -> Self:
         """Return the operator of pixels ``start:stop`` as one view, with the rays they need."""
@@ -152,7 +170,7 @@ class ComposedProjector(ProjectionOperator):
         return type(self)(images, self.rays.take(needed), view_ptr)
 
 
-class BasisProjector(ArrayProducts):
+class BasisProjector(_OfRays, ArrayProducts):
     """The projection ``A M`` whose unknowns are coefficients of other basis functions.
 
     Subclasses say what ``M`` does, `to_voxels` and its adjoint, and how they are made of another
@@ -217,9 +235,8 @@ class BasisProjector(ArrayProducts):
         return self.to_voxels_adjoint(self.projector.T @ y)
 
     @property
-    def is_stored(self) -> bool:
-        """Whether the entries of the rays are stored."""
-        return self.projector.is_stored
+    def _inner(self) -> ProjectionOperator:
+        return self.projector
 
     @cached_property
     def rows_are_single_rays(self) -> bool:
@@ -231,28 +248,9 @@ class BasisProjector(ArrayProducts):
         """The same basis on the projection before an image blur."""
         return self._on(self.projector.without_blur)
 
-    @property
-    def n_segments(self) -> int:
-        """Number of segments of rays in voxels."""
-        return self.projector.n_segments
-
-    @property
-    def segments(self) -> Segments:
-        """The segments of the rays."""
-        return self.projector.segments
-
-    @property
-    def arrays(self) -> tuple[NDArray, ...]:
-        """The arrays that define the entries of ``A``."""
-        return self.projector.arrays
-
     def with_rays(self, change: Change) -> Self:
         """Return the same basis on other rays; see `ProjectionOperator.with_rays`."""
         return self._on(self.projector.with_rays(change))
-
-    def with_lengths(self, length: NDArray[np.floating]) -> Self:
-        """Return the operator with ``length`` (segments,), of either sign, instead of its own."""
-        return self.with_rays(lambda rays: rays.with_lengths(length))
 
     def rows(self, start: int, stop: int) -> Self:
         """Return the operator of pixels ``start:stop`` as one view."""

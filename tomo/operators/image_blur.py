@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numba
 import numpy as np
-import scipy.sparse
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig
@@ -255,31 +254,6 @@ class ImageBlur(ImageOperator):
         parts = (self.pixels, self.rays)
         places = [array for part in parts for array in (part.view, part.row, part.column)]
         return *places, self.own, *self._weights
-
-    def to_scipy(self) -> scipy.sparse.csr_array:
-        """Return the matrix, ``(pixels, rays)`` float32: slow, for tests and other programs."""
-        place = {
-            where: number
-            for number, where in enumerate(
-                zip(self.rays.view, self.rays.row, self.rays.column, strict=True)
-            )
-            if self.rays.seen[number]
-        }
-        entries: list[tuple[int, int, float]] = []
-        parts = self.pixels.view, self.pixels.row, self.pixels.column
-        for pixel, (view, row, column) in enumerate(zip(*parts, strict=True)):
-            if not self.pixels.seen[pixel]:
-                continue
-            offsets, weights = self.kernels[view]
-            for (right, down), weight in zip(offsets, weights, strict=True):
-                ray = place.get((view, row + down, column + right))
-                if ray is not None:
-                    entries.append((pixel, ray, weight))
-            if self.own[pixel]:
-                entries.append((pixel, place[view, row, column], self.own[pixel]))
-        rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
-        data = np.asarray(values, np.float32)
-        return scipy.sparse.csr_array((data, (rows, columns)), self.shape)
 
 
 @compiled(parallel=True)

@@ -1,9 +1,4 @@
-"""What every projection operator is: rows are pixels grouped by view, columns are unknowns.
-
-`dot_test` tells whether an operator and its adjoint belong together.
-
-Products of arrays of other libraries than NumPy, where an operator takes them.
-"""
+"""What every projection operator is: rows are pixels grouped by view, columns are unknowns."""
 
 from __future__ import annotations
 

@@ -1,19 +1,13 @@
-"""Products of a sparse matrix and of its transpose with a vector, from one copy of its rows.
+"""Products of a sparse matrix and of its transpose with vectors, from one copy of its rows.
 
 Row ``p`` owns the entries ``starts[p]:stops[p]`` of ``voxel`` and ``length``, so that rows can be
-left out, repeated or reordered without a copy. Each product reads every entry once. ``A x`` sums
-every row by itself. ``A^T y`` cuts the rows into parts that do not depend on the number of
-threads; each part adds into a private volume, and the volumes are summed part by part. Both give
-the same bits on any number of threads, and no two threads write to one number.
+left out, repeated or reordered without a copy. Each product reads every entry once, for one vector
+or for `COLUMNS` that lie side by side, ``(n, COLUMNS)``. ``A x`` sums every row by itself.
+``A^T y`` cuts the rows into parts that do not depend on the number of threads; each part adds into
+a private volume, and the volumes are summed part by part. Both give the same bits on any number of
+threads, whatever the other vectors hold, and no two threads write to one number.
 
 Voxel numbers are unsigned here: a signed index costs a test for negative ones.
-
-Products of a sparse matrix and of its transpose with several vectors at once.
-
-A product with one vector spends its time on reading the matrix. `COLUMNS` vectors that lie side by
-side, ``(n, COLUMNS)``, share each entry that is read: a place in the matrix meets one cache line
-of them. Rows, parts and private volumes are those of `tomo.operators.spmv`, and each vector's
-result has the same bits whatever the others hold and on any number of threads.
 """
 
 from __future__ import annotations
@@ -148,27 +142,17 @@ def parts_at_once(parts: int, nbytes: int) -> int:
     return min(max(numba.get_num_threads(), PRIVATE_BYTES // max(nbytes, 1)), parts)
 
 
-def product(
-    starts: NDArray[np.int64],
-    stops: NDArray[np.int64],
-    voxel: NDArray[np.unsignedinteger],
-    length: NDArray[np.floating],
-    volume: NDArray[np.floating],
-    images: NDArray[np.floating],
-    entries: int,
-) -> None:
-    """Write ``A x`` to ``images`` (P,) of ``volume`` (n,); ``entries`` counts those of ``A``."""
+def product(matrix: Matrix, volume: NDArray[np.floating], entries: int) -> NDArray[np.floating]:
+    """Return ``A x`` (P,) of ``volume`` (n,), in its type; ``entries`` counts those of ``A``."""
+    images = np.zeros(len(matrix[0]), volume.dtype)
     with threads_worth(FORWARD_NANOSECONDS * entries):
-        _product(starts, stops, voxel, length, volume, images)
+        _product(*matrix, volume, images)
+    return images
 
 
-def row_sums(
-    starts: NDArray[np.int64],
-    stops: NDArray[np.int64],
-    length: NDArray[np.floating],
-    entries: int,
-) -> NDArray[np.float64]:
+def row_sums(matrix: Matrix, entries: int) -> NDArray[np.float64]:
     """Return ``A 1``: (P,)."""
+    starts, stops, _, length = matrix
     sums = np.zeros(len(starts))
     with threads_worth(FORWARD_NANOSECONDS * entries):
         _add_up(starts, stops, length, sums)
@@ -176,22 +160,21 @@ def row_sums(
 
 
 def transposed_product(
-    starts: NDArray[np.int64],
-    stops: NDArray[np.int64],
-    voxel: NDArray[np.unsignedinteger],
-    length: NDArray[np.floating],
+    matrix: Matrix,
     images: NDArray[np.floating],
     bounds: NDArray[np.int64],
-    volume: NDArray[np.floating],
+    n_unknowns: int,
     entries: int,
-) -> None:
-    """Add ``A^T y`` of ``images`` (P,) to ``volume`` (n,), parts as of `part_bounds`."""
+) -> NDArray[np.floating]:
+    """Return ``A^T y`` (n,) of ``images`` (P,), in its type; parts as of `part_bounds`."""
+    volume = np.zeros(n_unknowns, images.dtype)
     parts = len(bounds) - 1
     at_once = parts_at_once(parts, volume.nbytes)
-    private = np.zeros((at_once, len(volume)), volume.dtype)
+    private = np.zeros((at_once, n_unknowns), volume.dtype)
     rounds = -(-parts // at_once)
     with threads_worth(TRANSPOSED_NANOSECONDS * entries / rounds):
-        _transposed_product(starts, stops, voxel, length, images, bounds, private, volume)
+        _transposed_product(*matrix, images, bounds, private, volume)
+    return volume
 
 
 COLUMNS = 8
@@ -294,16 +277,7 @@ def _transposed_products(starts, stops, voxel, length, images, bounds, private, 
 
 
 def products(matrix: Matrix, vectors: NDArray[np.floating], entries: int) -> NDArray[np.floating]:
-    """Return ``A X`` (pixels, columns) of ``vectors`` (unknowns, columns).
-
-    Parameters
-    ----------
-    matrix : Matrix
-        ``A``; its columns are numbered as the rows of ``vectors``.
-    vectors : (unknowns, columns) float32 or float64
-    entries : int
-        The number of entries of ``A``.
-    """
+    """Return ``A X`` (pixels, columns) of ``vectors`` (unknowns, columns), see `product`."""
     vectors = as_float(vectors)
     result = np.zeros((len(matrix[0]), vectors.shape[1]), vectors.dtype)
     for first in range(0, vectors.shape[1], COLUMNS):
@@ -322,14 +296,7 @@ def transposed_products(
     n_unknowns: int,
     entries: int,
 ) -> NDArray[np.floating]:
-    """Return ``A^T Y`` (unknowns, columns) of ``images`` (pixels, columns).
-
-    Parameters
-    ----------
-    images : (pixels, columns) float32 or float64
-    bounds : (parts + 1,) int64
-        See `tomo.operators.spmv.part_bounds`.
-    """
+    """Return ``A^T Y`` (unknowns, columns) of ``images`` (pixels, columns)."""
     images = as_float(images)
     result = np.zeros((n_unknowns, images.shape[1]), images.dtype)
     at_once = parts_at_once(len(bounds) - 1, COLUMNS * n_unknowns * images.itemsize)

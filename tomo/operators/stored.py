@@ -139,7 +139,7 @@ class Projector(ProjectionOperator):
     @cached_property
     def row_sums(self) -> NDArray[np.float64]:
         """Sum of every row, ``A 1``, ``(pixels,)``: the length of a pixel's rays in the grid."""
-        return row_sums(self._starts, self._stops, self._entries.length, self.n_segments)
+        return row_sums(self.matrix, self.n_segments)
 
     @cached_property
     def segments(self) -> Segments:
@@ -155,24 +155,19 @@ class Projector(ProjectionOperator):
 
     def _matvec(self, x: NDArray) -> NDArray:
         x = self.active.to_storage(as_float(x.ravel()))
-        images = np.zeros(self.shape[0], x.dtype)
-        product(*self.matrix, x, images, self.n_segments)
-        return images
+        return product(self.matrix, x, self.n_segments)
 
     def _rmatvec(self, y: NDArray) -> NDArray:
         y = as_float(y.ravel())
-        volume = np.zeros(self.shape[1], y.dtype)
-        transposed_product(*self.matrix, y, self._parts, volume, self.n_segments)
-        return self.active.from_storage(volume)
+        sizes = self.shape[1], self.n_segments
+        return self.active.from_storage(transposed_product(self.matrix, y, self._parts, *sizes))
 
     def _matmat(self, x: NDArray) -> NDArray:
         return products(self.matrix, self.active.to_storage(as_float(x)), self.n_segments)
 
     def _rmatmat(self, y: NDArray) -> NDArray:
-        unknowns = self.shape[1]
-        return self.active.from_storage(
-            transposed_products(self.matrix, y, self._parts, unknowns, self.n_segments)
-        )
+        sizes = self.shape[1], self.n_segments
+        return self.active.from_storage(transposed_products(self.matrix, y, self._parts, *sizes))
 
     @property
     def arrays(self) -> tuple[NDArray, ...]:

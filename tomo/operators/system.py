@@ -136,7 +136,7 @@ class LinearSystem:
                 segments, grid, view_ptr, active, in_storage_order=in_storage_order
             )
         else:
-            projector = OnTheFlyProjector.from_sources(parts, grid, active)
+            projector = OnTheFlyProjector(parts, grid, active=active)
         if projector.n_segments == 0:
             raise VolumeNotSeenError(_not_seen(rig, grid))
         return cls(projector, rig, tuple(pixels), form, reason)

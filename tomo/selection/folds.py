@@ -1,7 +1,4 @@
-"""Folds of cross-validation: reconstruct without some pixels or views, and predict those.
-
-A slab of a large volume, with the rays that mostly run in it: enough to choose by.
-"""
+"""Folds of cross-validation, of all pixels or of a slab of a large volume."""
 
 from __future__ import annotations
 

@@ -90,16 +90,10 @@ def art(
             x = x.copy()
             _sweep(*rows, measured, order, steps, nonnegative, x)
 
-    return drive(
-        states(),
-        projector,
-        measured,
-        iterations=iterations,
-        callback=callback,
-        settings={
-            "method": "art",
-            "nonnegative": nonnegative,
-            "relaxation": relaxation,
-            "seed": seed,
-        },
-    )
+    settings = {
+        "method": "art",
+        "nonnegative": nonnegative,
+        "relaxation": relaxation,
+        "seed": seed,
+    }
+    return drive(states(), projector, measured, iterations, callback, settings)

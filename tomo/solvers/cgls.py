@@ -103,16 +103,10 @@ def cgls(
             gamma, previous = norm(gradient) ** 2, gamma
             direction = gradient + single(gamma / previous) * direction
 
-    return drive(
-        states(),
-        projector,
-        problem.measured,
-        iterations=iterations,
-        callback=callback,
-        settings={
-            "method": "cgls",
-            "nonnegative": nonnegative,
-            "weighted": weights is not None,
-            "strength": strength,
-        },
-    )
+    settings = {
+        "method": "cgls",
+        "nonnegative": nonnegative,
+        "weighted": weights is not None,
+        "strength": strength,
+    }
+    return drive(states(), projector, problem.measured, iterations, callback, settings)

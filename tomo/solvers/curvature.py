@@ -72,19 +72,13 @@ def curvature(
         updates = descend(problem, known, nonnegative)
         yield from updates if volume is None else itertools.islice(updates, 1, None)
 
-    return drive(
-        states(),
-        projector,
-        first.measured,
-        iterations=iterations,
-        callback=callback,
-        settings={
-            "method": "curvature",
-            "strength": strength,
-            "nonnegative": nonnegative,
-            "weighted": weights is not None,
-        },
-    )
+    settings = {
+        "method": "curvature",
+        "strength": strength,
+        "nonnegative": nonnegative,
+        "weighted": weights is not None,
+    }
+    return drive(states(), projector, first.measured, iterations, callback, settings)
 
 
 def curvature_of_several(

@@ -1,8 +1,6 @@
-"""The loop that every solver runs in: history, callback, and the reason it stopped.
+"""The loop that every solver runs in, and the parameters that solvers share.
 
 A pass may go through interleaved subsets of the pixels, each of which sees all views.
-
-The parameters that solvers have in common, documented once.
 """
 
 from __future__ import annotations
@@ -50,7 +48,6 @@ def drive(
     states: States,
     projector: ProjectionOperator,
     measured: NDArray[np.float32],
-    *,
     iterations: int,
     callback: Callback | None,
     settings: Mapping[str, Any],

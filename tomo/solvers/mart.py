@@ -94,11 +94,5 @@ def mart(
             x = x.copy()
             _sweep(*rows, counts, order, powers, x)
 
-    return drive(
-        states(),
-        projector,
-        measured,
-        iterations=iterations,
-        callback=callback,
-        settings={"method": "mart", "nonnegative": True, "relaxation": relaxation, "seed": seed},
-    )
+    settings = {"method": "mart", "nonnegative": True, "relaxation": relaxation, "seed": seed}
+    return drive(states(), projector, measured, iterations, callback, settings)

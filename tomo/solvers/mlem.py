@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -100,15 +102,10 @@ def mlem(
                     moved = prior.proximal_map(loss.step(x), True)(moved, weight, DUAL_STEPS)
                 x = moved
 
-    return drive(
-        states(),
-        projector,
-        measured,
-        iterations=iterations,
-        callback=callback,
-        settings={"method": "mlem", "nonnegative": True, "subsets": subsets}
-        | ({} if prior is None else {"strength": strength}),
-    )
+    settings: dict[str, Any] = {"method": "mlem", "nonnegative": True, "subsets": subsets}
+    if prior is not None:
+        settings["strength"] = strength
+    return drive(states(), projector, measured, iterations, callback, settings)
 
 
 def mlem_of_several(

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -73,15 +75,12 @@ def projected_cg(
     Wright, "Numerical Optimization" (2006), section 16.7.
     """
     problem = LeastSquares(projector, measured, weights, prior, strength)
-    settings = {"method": method} | ({} if prior is None else {"strength": strength})
-    return drive(
-        descend(problem, start, nonnegative),
-        projector,
-        problem.measured,
-        iterations=iterations,
-        callback=callback,
-        settings=settings | {"nonnegative": nonnegative, "weighted": weights is not None},
+    settings: dict[str, Any] = {"method": method} | (
+        {} if prior is None else {"strength": strength}
     )
+    settings |= {"nonnegative": nonnegative, "weighted": weights is not None}
+    states = descend(problem, start, nonnegative)
+    return drive(states, projector, problem.measured, iterations, callback, settings)
 
 
 def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -> States:

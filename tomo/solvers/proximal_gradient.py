@@ -116,19 +116,13 @@ def proximal_gradient(
                 older, since = 1.0, 0
             x, age, steps = moved, older, DUAL_STEPS
 
-    return drive(
-        states(),
-        projector,
-        problem.measured,
-        iterations=iterations,
-        callback=callback,
-        settings={
-            "method": method,
-            "strength": strength,
-            "nonnegative": nonnegative,
-            "weighted": weights is not None,
-        },
-    )
+    settings = {
+        "method": method,
+        "strength": strength,
+        "nonnegative": nonnegative,
+        "weighted": weights is not None,
+    }
+    return drive(states(), projector, problem.measured, iterations, callback, settings)
 
 
 def _inverse(curvature: NDArray[np.float32]) -> NDArray[Any]:

@@ -87,11 +87,5 @@ def sart(
             yield x, norm(residual_of(projector, measured, x))
             x = sweep(x, relaxation, nonnegative, order)
 
-    return drive(
-        states(),
-        projector,
-        measured,
-        iterations=iterations,
-        callback=callback,
-        settings={"method": "sart", "nonnegative": nonnegative, "relaxation": relaxation},
-    )
+    settings = {"method": "sart", "nonnegative": nonnegative, "relaxation": relaxation}
+    return drive(states(), projector, measured, iterations, callback, settings)

@@ -86,17 +86,12 @@ def sirt(
             else:
                 x = whole.updated(x, residual, relaxation, nonnegative)
 
-    return drive(
-        states(),
-        projector,
-        measured if root is None else root * measured,
-        iterations=iterations,
-        callback=callback,
-        settings={
-            "method": "sirt",
-            "nonnegative": nonnegative,
-            "weighted": weights is not None,
-            "relaxation": relaxation,
-            "subsets": subsets,
-        },
-    )
+    weighted = measured if root is None else root * measured
+    settings = {
+        "method": "sirt",
+        "nonnegative": nonnegative,
+        "weighted": weights is not None,
+        "relaxation": relaxation,
+        "subsets": subsets,
+    }
+    return drive(states(), projector, weighted, iterations, callback, settings)

@@ -80,14 +80,8 @@ def smart(
             rise = projector.T @ _log_ratio(counts, projected)
             x = as_type(x * xp.exp(relaxation * per_column * rise), np.float32)
 
-    return drive(
-        states(),
-        projector,
-        measured,
-        iterations=iterations,
-        callback=callback,
-        settings={"method": "smart", "nonnegative": True, "relaxation": relaxation},
-    )
+    settings = {"method": "smart", "nonnegative": True, "relaxation": relaxation}
+    return drive(states(), projector, measured, iterations, callback, settings)
 
 
 def _log_ratio(counts: NDArray[np.float32], projected: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -1,7 +1,4 @@
-"""The resolution: the width of a single voxel's light in the reconstruction.
-
-The views that cross each emitting voxel, and the details that they measure.
-"""
+"""What the views resolve: how they cover the voxels, and how wide a single voxel's light comes back."""
 
 from __future__ import annotations
 

@@ -11,6 +11,7 @@ from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.hull import carve
 from tomo.metrics import nrmse
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.simulation import simulate_images
 
 BY_PIXEL = ("art", "mart")
@@ -46,7 +47,7 @@ def seen():
 def forms(seen):
     """Return the same matrix stored and on the fly."""
     system = LinearSystem.from_rig(seen.rig, seen.grid, form="stored")
-    flying = OnTheFlyProjector.from_cameras(tuple(seen.rig), system.pixels, seen.grid)
+    flying = OnTheFlyProjector(list(map(pixel_source, seen.rig, system.pixels)), seen.grid)
     return {"stored": system.projector, "on the fly": flying}
 
 

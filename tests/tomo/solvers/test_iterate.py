@@ -14,14 +14,7 @@ def _states(norms, finite=True):
 
 
 def _drive(projector, states, iterations=10, callback=None):
-    return drive(
-        states,
-        projector,
-        MEASURED,
-        iterations=iterations,
-        callback=callback,
-        settings={"method": "fake"},
-    )
+    return drive(states, projector, MEASURED, iterations, callback, {"method": "fake"})
 
 
 @pytest.fixture

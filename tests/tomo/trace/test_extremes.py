@@ -14,6 +14,7 @@ import rigs
 from rigs import Camera, Distortion, look_at
 from tomo import LinearSystem, Projector, VoxelGrid, dot_test
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.rays import Rays
 from tomo.solvers import cgls
 from tomo.trace import TRACERS, trace
@@ -278,7 +279,7 @@ def test_rays_of_strong_lenses_made_at_every_product_are_the_stored_ones(lens, d
     matrix = [[focal, 0, 31.5], [0, focal, 31.5], [0, 0, 1]]
     camera = Camera("camera", (64, 64), matrix, STRONG[lens], R, t)
     x = (1 + np.sin(np.linspace(0, 9, grid.size))) * np.linspace(1, 2, grid.size)
-    flying = OnTheFlyProjector.from_cameras([camera], None, grid)
+    flying = OnTheFlyProjector([pixel_source(camera)], grid)
     images = Projector(trace(Rays.from_camera(camera), grid, dtype=np.float64), grid) @ x
     assert np.abs(flying @ x - images).max() < 1e-5 * images.max()
     assert dot_test(flying) < 1e-11

@@ -1,16 +1,13 @@
-"""A CUDA device: memory, kernels compiled at run time, arrays of other libraries (CuPy).
-
-The text of the kernels, for whichever compiler: CUDA's at run time, the host's in tests.
-"""
+"""A CUDA device: memory, the kernels' text compiled at run time, arrays of other libraries."""
 
 from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import contextmanager
 from functools import cache
 from importlib.resources import files
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
@@ -63,44 +60,8 @@ class DeviceError(RuntimeError):
     """There is no device to compute on, or it lacks something; one line says what."""
 
 
-class Device(Protocol):
-    """What operators ask of a device. Arrays on it are of a type of its own."""
-
-    name: str
-
-    def array(self, values: NDArray) -> Any:
-        """Return a copy on the device, in rows."""
-
-    def zeros(self, shape: tuple[int, ...], dtype: DTypeLike) -> Any:
-        """Return an array of zeros on the device."""
-
-    def write(self, target: Any, values: NDArray) -> None:
-        """Copy values to a part of an array of the device, in rows and of the same type."""
-
-    def host(self, values: Any) -> NDArray:
-        """Return a copy of an array of the device in NumPy's."""
-
-    def holds(self, values: Any) -> bool:
-        """Return whether an array that has ``__dlpack_device__`` is in the device's memory."""
-
-    def adopt(self, values: Any) -> Any:
-        """Return such an array as one of the device's, in rows, without a copy where it can."""
-
-    def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
-        """Run a kernel, compiled for float32 or float64 ``values``, on so many threads.
-
-        Arguments are arrays of the device, NumPy's scalars of the kernel's types, or `NOTHING`.
-        """
-
-    def free_bytes(self) -> int:
-        """Return how much memory is free."""
-
-    def used(self) -> AbstractContextManager[None]:
-        """Return the context of work on the device, whose errors are one line there."""
-
-
 class CudaDevice:
-    """A CUDA device, through CuPy.
+    """A CUDA device, through CuPy: arrays on it are of a type of its own.
 
     Parameters
     ----------
@@ -207,7 +168,10 @@ class CudaDevice:
             return self._cupy.ascontiguousarray(self._cupy.from_dlpack(values))
 
     def launch(self, kernel: str, values: DTypeLike, threads: int, *arguments: Any) -> None:
-        """Run a kernel; see `Device`."""
+        """Run a kernel, compiled for float32 or float64 ``values``, on so many threads.
+
+        Arguments are arrays of the device, NumPy's scalars of the kernel's types, or `NOTHING`.
+        """
         if threads == 0:
             return
         blocks = -(-threads // THREADS_A_BLOCK)
@@ -220,6 +184,10 @@ class CudaDevice:
         with self.used():
             pool = self._cupy.get_default_memory_pool()
             return int(self._cupy.cuda.runtime.memGetInfo()[0]) + int(pool.free_bytes())
+
+
+Device = CudaDevice
+"""What operators compute on: anything with the same methods, as the tests' own on the host."""
 
 
 def _line(error: Exception) -> str:

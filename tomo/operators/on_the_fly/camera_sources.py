@@ -99,10 +99,6 @@ class CameraPixels(Averaged):
         runs = PixelRuns.all_of(count) if pixels is None else PixelRuns.of(pixels, count)
         return cls(camera, runs, supersample, bend, aperture_rays=aperture_rays)
 
-    @property
-    def _rays_a_pixel(self) -> int:
-        return rays_of_pixel(self.supersample, self.aperture_rays)
-
     def take(self, numbers: Numbers) -> CameraPixels:
         """Return the source of some of the pixels."""
         every = self.pixels.between(0, self.n_pixels)
@@ -114,16 +110,8 @@ class CameraPixels(Averaged):
 
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
         """Return where the pixels' rays begin; see `PixelSource`."""
-        several = self._rays_a_pixel
+        several = rays_of_pixel(self.supersample, self.aperture_rays)
         return np.arange(0, (stop - start) * several + 1, several, dtype=np.int64)
-
-    def ray_count(self, start: int, stop: int) -> int:
-        """Return how many rays pixels have; see `PixelSource`."""
-        return (stop - start) * self._rays_a_pixel
-
-    def last_within(self, start: int, rays: int) -> int:
-        """Return where to stop; see `PixelSource`."""
-        return min(start + max(rays // self._rays_a_pixel, 1), self.n_pixels)
 
     def rays(self, start: int, stop: int) -> Rays:
         """Return the pixels' rays; see `PixelSource`."""
@@ -207,10 +195,6 @@ class GeneratedPixels(Averaged):
     def ray_ptr(self, start: int, stop: int) -> NDArray[np.int64]:
         """Return where the pixels' rays begin; see `PixelSource`."""
         return self.ptr[start : stop + 1] - self.ptr[start]
-
-    def ray_count(self, start: int, stop: int) -> int:
-        """Return how many rays pixels have; see `PixelSource`."""
-        return int(self.ptr[stop] - self.ptr[start])
 
     def last_within(self, start: int, rays: int) -> int:
         """Return where to stop; see `PixelSource`."""

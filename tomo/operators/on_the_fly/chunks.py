@@ -1,7 +1,4 @@
-"""Chunks of work: pixels whose rays one thread projects at a time, from one source or several.
-
-The pass before any product: count what rays cross, and find which columns they meet.
-"""
+"""Chunks of work: pixels whose rays one thread projects at a time; what rays cross and meet."""
 
 from __future__ import annotations
 

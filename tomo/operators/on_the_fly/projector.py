@@ -6,17 +6,14 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property, partial
-from typing import Any
 
 import numba
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs import CameraLike
 from tomo._compute.grouping import index_type
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly import kernels
-from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.operators.on_the_fly.chunks import (
     RAYS_AT_ONCE,
     Chunk,
@@ -60,8 +57,11 @@ class OnTheFlyProjector(ProjectionOperator):
 
     Parameters
     ----------
+    rays : Rays, or sequence of PixelSource
+        Sources (`camera_sources.pixel_source`) make rays when they are needed: they take 8 bytes a
+        distorted ray, 64 bytes a ray of a table, and little else.
     view_ptr : (views + 1,) int, optional
-        Where each view's pixels begin; one view when None.
+        Where each view's pixels begin; a source is a view when None.
     active : ActiveVoxels, optional
         The unknowns; all voxels when None.
 
@@ -72,79 +72,21 @@ class OnTheFlyProjector(ProjectionOperator):
     voxels are less exact relative to themselves. A voxel that is not finite makes all rays that
     meet its columns non-finite; a pixel that is not finite, all voxels that it sees.
 
-    A product takes the memory of one more volume, and 1 MB a thread for its chunk of rays. Rays
-    from cameras are made when needed, see `from_cameras`. Voxels that are not active are zeros.
+    A product takes the memory of one more volume, and 1 MB a thread for its chunk of rays.
+    Voxels that are not active are zeros.
     """
 
     def __init__(
         self,
-        rays: Rays,
+        rays: Rays | Sequence[PixelSource],
         grid: VoxelGrid,
         view_ptr: ArrayLike | None = None,
         active: ActiveVoxels | None = None,
     ) -> None:
-        self._set((RayPixels(rays),), grid, view_ptr, active)
-
-    @classmethod
-    def from_cameras(
-        cls,
-        cameras: Sequence[CameraLike],
-        pixels: Sequence[NDArray[np.integer] | None] | None,
-        grid: VoxelGrid,
-        supersample: int = 1,
-        active: ActiveVoxels | None = None,
-        aperture_rays: int = 1,
-    ) -> OnTheFlyProjector:
-        """Return the projector of cameras, one a view.
-
-        It takes 8 bytes a distorted ray, 64 bytes a ray of a table, and little else.
-
-        Parameters
-        ----------
-        pixels : sequence of (P_v,) int, optional
-            For each camera its flat pixel numbers ``row * width + column``; all where None.
-        supersample : int
-            Rays along each side of a pixel, as in `Rays.from_camera`.
-        aperture_rays : int
-            Rays over each camera's aperture, as there.
-        """
-        chosen = [None] * len(cameras) if pixels is None else pixels
-        sources = tuple(
-            pixel_source(camera, some, supersample, aperture_rays)
-            for camera, some in zip(cameras, chosen, strict=True)
-        )
-        return cls.from_sources(sources, grid, active)
-
-    @classmethod
-    def from_sources(
-        cls, sources: Sequence[PixelSource], grid: VoxelGrid, active: ActiveVoxels | None = None
-    ) -> OnTheFlyProjector:
-        """Return the projector of pixels with rays, one source a view, see `ray_sources`."""
-        view_ptr = np.cumsum([0] + [source.n_pixels for source in sources])
-        return cls._of(tuple(sources), grid, view_ptr, active)
-
-    @classmethod
-    def _of(
-        cls,
-        sources: tuple[PixelSource, ...],
-        grid: VoxelGrid,
-        view_ptr: ArrayLike | None,
-        active: ActiveVoxels | None,
-    ) -> OnTheFlyProjector:
-        projector = cls.__new__(cls)
-        projector._set(sources, grid, view_ptr, active)
-        return projector
-
-    def _set(
-        self,
-        sources: tuple[PixelSource, ...],
-        grid: VoxelGrid,
-        view_ptr: ArrayLike | None,
-        active: ActiveVoxels | None,
-    ) -> None:
-        self._sources = sources
-        self._met: dict[Any, Any] = {}
-        self._ptr = np.cumsum([0] + [source.n_pixels for source in sources])
+        self._sources = (RayPixels(rays),) if isinstance(rays, Rays) else tuple(rays)
+        self._met: dict[Axes, ColumnsMet] = {}
+        self._ptr = np.cumsum([0] + [source.n_pixels for source in self._sources])
+        view_ptr = self._ptr if view_ptr is None else view_ptr
         super().__init__(int(self._ptr[-1]), grid, view_ptr, np.float32, active)
 
     def __repr__(self) -> str:
@@ -158,11 +100,11 @@ class OnTheFlyProjector(ProjectionOperator):
 
     def through(self, active: ActiveVoxels) -> OnTheFlyProjector:
         """Return the projector of the same rays through the voxels of another grid."""
-        return self._of(self._sources, active.grid, self.view_ptr, active)
+        return OnTheFlyProjector(self._sources, active.grid, self.view_ptr, active)
 
     def rows(self, start: int, stop: int) -> OnTheFlyProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
-        return self._some(pixels_between(self._ptr, start, stop), None)
+        return self._some(pixels_between(self._ptr, start, stop), [0, stop - start])
 
     def _taken(
         self, pixels: NDArray[np.integer], view_ptr: NDArray[np.int64]
@@ -170,11 +112,11 @@ class OnTheFlyProjector(ProjectionOperator):
         return self._some(pixels_by_source(self._ptr, pixels), view_ptr)
 
     def _some(
-        self, wanted: Sequence[tuple[int, Numbers]], view_ptr: NDArray[np.int64] | None
+        self, wanted: Sequence[tuple[int, Numbers]], view_ptr: ArrayLike
     ) -> OnTheFlyProjector:
         """Return the projector of some pixels of some sources, one after another."""
-        sources = tuple(self._sources[number].take(pixels) for number, pixels in wanted)
-        projector = self._of(sources, self.grid, view_ptr, self.active)
+        sources = [self._sources[number].take(pixels) for number, pixels in wanted]
+        projector = OnTheFlyProjector(sources, self.grid, view_ptr, self.active)
         if "_orders" in self.__dict__:  # rays of some pixels go along no other axes
             projector.__dict__["_axes"] = [self._axes[number] for number, _ in wanted]
             projector.__dict__["_orders"] = self._orders
@@ -284,12 +226,6 @@ class OnTheFlyProjector(ProjectionOperator):
             self._add_differences(chunks, axes, columns, y, per_unit, differences)
             add_differences(differences, self.grid.shape, axes, columns, 1 / per_unit, volume)
 
-    def _columns_met(self, axes: Axes, chunks: Sequence[Chunk]) -> ColumnsMet:
-        """Return the columns that the chunks meet, computed once for each driving axis."""
-        if axes not in self._met:
-            self._met[axes] = columns_met(chunks, self.grid, axes)
-        return self._met[axes]
-
     def _add_differences(
         self,
         chunks: Sequence[Chunk],
@@ -306,23 +242,18 @@ class OnTheFlyProjector(ProjectionOperator):
         if threads == 1 and len(columns) == shape[1]:
             groups = [((0, shape[1]), list(chunks))]
         else:
-            groups = self._columns_met(axes, chunks).groups(chunks, columns, threads)
+            if axes not in self._met:
+                self._met[axes] = columns_met(chunks, self.grid, axes)
+            groups = self._met[axes].groups(chunks, columns, threads)
 
         def visitor(some: tuple[int, int]) -> Visit:
             low, high = some
             mine = differences[(low - columns[0]) * plane : (high - columns[0]) * plane]
 
             def visit(chunk: Chunk, parameters: NDArray, pixel_ptr: NDArray) -> None:
+                index_of, images = self._index_of, chunk.of(y)
                 kernels.adjoint(
-                    parameters,
-                    pixel_ptr,
-                    shape,
-                    self._index_of,
-                    low,
-                    high,
-                    per_unit,
-                    chunk.of(y),
-                    mine,
+                    parameters, pixel_ptr, shape, index_of, low, high, per_unit, images, mine
                 )
 
             return visit

@@ -1,13 +1,8 @@
 """Ray sources: pixels with rays, stored here or made when needed (`camera_sources`).
 
-A source has pixels with rays and writes their parameters in a grid
-(`tomo.operators.on_the_fly.ray_setup`), some pixels at a time. Taking some of its pixels copies
-their numbers only.
-
-Pixel numbers as runs of consecutive ones, and as parts of several sources.
-
-The pixels that see a grid lie side by side: one run for each row of an image takes little memory,
-where their numbers would take more than the image.
+A source writes the parameters of its rays in a grid (`ray_setup`), some pixels at a time. Taking
+some of its pixels copies their numbers only, as runs of consecutive ones: one run for each row of
+an image takes little memory.
 """
 
 from __future__ import annotations
@@ -145,13 +140,14 @@ class PixelSource(ABC):
             yield start, stop, self.ray_count(start, stop)
             start = stop
 
-    @abstractmethod
     def ray_count(self, start: int, stop: int) -> int:
         """Return how many rays the pixels ``start:stop`` have."""
+        return int(self.ray_ptr(start, stop)[-1])
 
-    @abstractmethod
     def last_within(self, start: int, rays: int) -> int:
         """Return where to stop for ``rays`` rays from pixel ``start`` on, one pixel at least."""
+        ptr = self.ray_ptr(start, min(start + rays, self.n_pixels))
+        return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
 
     @abstractmethod
     def rays(self, start: int, stop: int) -> Rays:
@@ -198,15 +194,6 @@ class RayPixels(PixelSource):
             return ptr[start : stop + 1] - ptr[start]
         rows = self.rows[start:stop]
         return np.concatenate([np.zeros(1, np.int64), np.cumsum(ptr[rows + 1] - ptr[rows])])
-
-    def ray_count(self, start: int, stop: int) -> int:
-        """Return how many rays pixels have; see `PixelSource`."""
-        return int(self.ray_ptr(start, stop)[-1])
-
-    def last_within(self, start: int, rays: int) -> int:
-        """Return where to stop; see `PixelSource`."""
-        ptr = self.ray_ptr(start, min(start + rays, self.n_pixels))
-        return start + max(int(np.searchsorted(ptr, rays, side="right")) - 1, 1)
 
     def rays(self, start: int, stop: int) -> Rays:
         """Return the pixels' rays; see `PixelSource`."""

@@ -31,6 +31,7 @@ from tomo.operators import Projector, dot_test
 from tomo.operators.gpu import CudaDevice, Device, DeviceProjector, device_for, to_device
 from tomo.operators.gpu.device import source
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.rays import Rays
 from tomo.series import reconstruct_series
 from tomo.series.frames import BLOCK
@@ -152,7 +153,7 @@ def rates(device: Device, voxels: int, views: int, image: tuple[int, int]) -> li
     distance, footprint = 4.0 * voxels, 2.0 * voxels / image[0]
     grid = VoxelGrid((voxels,) * 3, 1.0)
     rig = rigs.ring(views, distance=distance, image_size=image, footprint=footprint)
-    operator = to_device(OnTheFlyProjector.from_cameras(tuple(rig), None, grid), device)
+    operator = to_device(OnTheFlyProjector(list(map(pixel_source, rig)), grid), device)
     random = np.random.default_rng(0)
     x = device.array(random.random(operator.shape[1], np.float32))
     y = device.array(random.random(operator.shape[0], np.float32))
@@ -270,7 +271,7 @@ def large_solve(device: Device, voxels: int, views: int, pixels: int) -> list[Ro
     rig = rigs.ring(
         views, distance=4.0 * voxels, image_size=(pixels, pixels), footprint=2.0 * voxels / pixels
     )
-    operator = to_device(OnTheFlyProjector.from_cameras(tuple(rig), None, grid), device)
+    operator = to_device(OnTheFlyProjector(list(map(pixel_source, rig)), grid), device)
     measured = operator @ np.random.default_rng(0).random(operator.shape[1], np.float32)
     began = time.perf_counter()
     solvers.cgls(operator, measured, iterations=30)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo import LinearSystem, VoxelGrid
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.simulation.simulate import SimulatedImages
 
 FACTORS = (1e-6, 3.7e-6, 2.9e5, 1e6)
@@ -60,7 +61,7 @@ class Scaled:
     def on_the_fly(self) -> OnTheFlyProjector:
         """The same equations, not stored."""
         rig, grid = self.simulated.rig, self.simulated.grid
-        return OnTheFlyProjector.from_cameras(tuple(rig), self.system.pixels, grid)
+        return OnTheFlyProjector(list(map(pixel_source, rig, self.system.pixels)), grid)
 
     @property
     def images(self) -> list[NDArray[np.float32]]:

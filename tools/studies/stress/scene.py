@@ -13,6 +13,7 @@ from rigs import Rig
 from studies.common.scans import simulated_by
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.operators.operator import ProjectionOperator
 from tomo.simulation.simulate import SimulatedImages
 from tomo.solvers import Solution
@@ -97,7 +98,7 @@ def scene_of(rig: Rig, noise: float = 0.0, grid: VoxelGrid | None = None) -> Sce
     grid = simulated.grid
     system = LinearSystem.from_rig(rig, grid, form="stored")
     measured = system.flatten(list(simulated.images.values()))
-    on_the_fly = OnTheFlyProjector.from_cameras(tuple(rig), system.pixels, grid)
+    on_the_fly = OnTheFlyProjector(list(map(pixel_source, rig, system.pixels)), grid)
     return Scene(simulated, system, on_the_fly, measured)
 
 

@@ -8,6 +8,7 @@ from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import Absorption, LinearSystem
 from tomo.operators.gpu import DeviceMatrix, DeviceProjector, on_device
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 
 pytestmark = pytest.mark.gpu
 
@@ -21,7 +22,9 @@ SOME = ActiveVoxels.from_mask(GRID, np.random.default_rng(0).random(GRID.shape) 
 def operators(device):
     """Yield every kind of operator on a device."""
     for active in (ActiveVoxels(GRID), SOME):
-        flying = OnTheFlyProjector.from_cameras(list(RIG), None, GRID, 2, active)
+        flying = OnTheFlyProjector(
+            [pixel_source(one, None, 2) for one in RIG], GRID, active=active
+        )
         clear = DeviceProjector(flying, device)
         yield clear
         yield clear.subset([4, 1])

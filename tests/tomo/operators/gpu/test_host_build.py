@@ -10,6 +10,7 @@ from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import Absorption, Projector, dot_test
 from tomo.operators.gpu import DeviceMatrix, DeviceProjector
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.rays import Rays
 from tomo.trace import trace
 
@@ -325,7 +326,7 @@ def test_a_lens_that_bends_needs_no_table_of_its_own(host):
         replace(camera, distortion=rigs.Distortion("brown", (-0.2, 0.05, 0.001, 0.002, 0.0)))
         for camera in rig
     ]
-    flying = OnTheFlyProjector.from_cameras(bent, None, grid)
+    flying = OnTheFlyProjector(list(map(pixel_source, bent)), grid)
     x = np.random.default_rng(0).random(grid.size)
     found = DeviceProjector(flying, host) @ x
     assert np.abs(found - flying @ x).max() < 1e-4 * found.max()  # its table is float32

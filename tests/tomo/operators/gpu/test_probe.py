@@ -14,6 +14,7 @@ from tomo.operators import Absorption, GaussianBasis, LinearSystem, dot_test
 from tomo.operators.gpu import CudaDevice, DeviceError, DeviceMatrix, DeviceProjector, on_device
 from tomo.operators.gpu.probe import _bytes_needed
 from tomo.operators.on_the_fly import OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.solvers import cgls
 
 GRID = VoxelGrid((9, 8, 10), (1.0, 1.2, 0.9), (3.0, -2.0, 1.0))
@@ -193,5 +194,5 @@ def test_the_memory_table_of_the_guide_is_that_of_the_formula():
     for voxels, views, width, height, gigabytes in found:
         grid, size = VoxelGrid((int(voxels),) * 3, 1.0), (int(width), int(height))
         rig = rigs.ring(int(views), distance=4.0 * grid.shape[0], image_size=size, footprint=1.0)
-        fixed, each = _bytes_needed(OnTheFlyProjector.from_cameras(tuple(rig), None, grid))
+        fixed, each = _bytes_needed(OnTheFlyProjector(list(map(pixel_source, rig)), grid))
         assert float(gigabytes) == pytest.approx((fixed + each * grid.size) / 1e9, abs=0.051)

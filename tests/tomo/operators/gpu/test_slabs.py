@@ -12,6 +12,7 @@ from tomo.operators import Absorption, LinearSystem, dot_test
 from tomo.operators.gpu import DeviceError, DeviceProjector, DeviceSlabs, on_device, to_device
 from tomo.operators.gpu.wanted import on_cpu
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.solvers import cgls
 
 GRID = VoxelGrid((9, 8, 10), (1.0, 1.2, 0.9), (3.0, -2.0, 1.0))
@@ -35,7 +36,7 @@ def test_a_ray_in_a_face_between_slabs_is_counted_once(name, kind, host):
 @pytest.fixture(params=["all", "some"])
 def flying(request):
     active = ActiveVoxels(GRID) if request.param == "all" else SOME
-    return OnTheFlyProjector.from_cameras(tuple(RIG), None, GRID, 2, active)
+    return OnTheFlyProjector([pixel_source(one, None, 2) for one in RIG], GRID, active=active)
 
 
 @pytest.mark.parametrize("count", [2, 4, 9])

@@ -2,7 +2,9 @@
 
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
+import scipy.sparse
 
 import phantoms
 import rigs
@@ -51,3 +53,34 @@ def out_of_focus(fewer_pixels):
 def in_focus(fewer_pixels):
     """Return the images of pinholes."""
     return taken(fewer_pixels, None)
+
+
+@pytest.fixture(scope="session")
+def matrix_of():
+    return slow_matrix
+
+
+def slow_matrix(blur):
+    """Return the matrix of an image blur, entry by entry."""
+    place = {
+        where: number
+        for number, where in enumerate(
+            zip(blur.rays.view, blur.rays.row, blur.rays.column, strict=True)
+        )
+        if blur.rays.seen[number]
+    }
+    entries = []
+    parts = blur.pixels.view, blur.pixels.row, blur.pixels.column
+    for pixel, (view, row, column) in enumerate(zip(*parts, strict=True)):
+        if not blur.pixels.seen[pixel]:
+            continue
+        offsets, weights = blur.kernels[view]
+        for (right, down), weight in zip(offsets, weights, strict=True):
+            ray = place.get((view, row + down, column + right))
+            if ray is not None:
+                entries.append((pixel, ray, weight))
+        if blur.own[pixel]:
+            entries.append((pixel, place[view, row, column], blur.own[pixel]))
+    rows, columns, values = zip(*entries, strict=True) if entries else ((), (), ())
+    data = np.asarray(values, np.float32)
+    return scipy.sparse.csr_array((data, (rows, columns)), blur.shape)

@@ -24,8 +24,8 @@ def images():
 
 
 @pytest.fixture(scope="module")
-def kernel(images):
-    return images.to_scipy()
+def kernel(images, matrix_of):
+    return matrix_of(images)
 
 
 @pytest.fixture(scope="module")

@@ -12,6 +12,7 @@ from rigs import Camera, Distortion, ring
 from tomo import Projector, Rays, VoxelGrid, dot_test
 from tomo.grid import ActiveVoxels
 from tomo.operators.on_the_fly import OnTheFlyProjector, projector
+from tomo.operators.on_the_fly.camera_sources import pixel_source
 from tomo.trace import trace
 
 GRIDS = [
@@ -202,7 +203,9 @@ def test_rays_of_cameras_are_the_stored_ones(lens, supersample):
     random = np.random.default_rng(7)
     pixels = [np.sort(random.choice(31 * 23, 300, replace=False)) for _ in range(3)]
     cameras, grid, rays = cameras_and_rays(lens, pixels, supersample)
-    made = OnTheFlyProjector.from_cameras(cameras, pixels, grid, supersample)
+    made = OnTheFlyProjector(
+        [pixel_source(*one, supersample) for one in zip(cameras, pixels, strict=True)], grid
+    )
     kept = OnTheFlyProjector(rays, grid, made.view_ptr)
     x = random.random(grid.size)
     expected = kept @ x
@@ -221,7 +224,7 @@ def test_rays_of_cameras_are_the_stored_ones(lens, supersample):
 def test_all_pixels_of_cameras():
     cameras, grid, rays = cameras_and_rays("pinhole")
     x = np.random.default_rng(8).random(grid.size)
-    made = OnTheFlyProjector.from_cameras(cameras, None, grid)
+    made = OnTheFlyProjector(list(map(pixel_source, cameras)), grid)
     assert made.view_ptr.tolist() == [0, 713, 1426, 2139]
     assert made @ x == pytest.approx(OnTheFlyProjector(rays, grid) @ x, rel=1e-10, abs=1e-10)
 
@@ -237,7 +240,7 @@ def test_pixels_that_the_lens_does_not_reach_see_nothing():
     assert 0 in partly
     assert set(partly) & {1, 2, 3}
     x = np.random.default_rng(9).random(grid.size)
-    made = OnTheFlyProjector.from_cameras([camera], None, grid, 2) @ x
+    made = OnTheFlyProjector([pixel_source(camera, None, 2)], grid) @ x
     assert made == pytest.approx(OnTheFlyProjector(rays, grid) @ x, rel=1e-5, abs=1e-5)
 
 
