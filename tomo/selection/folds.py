@@ -124,11 +124,6 @@ class Fold:
             squares *= self.left_out_weights
         return np.bincount(self.blocks, squares).astype(np.float64, copy=False)
 
-    @property
-    def n_blocks(self) -> int:
-        """Number of left-out blocks."""
-        return int(self.blocks.max()) + 1
-
     @cached_property
     def squared_light(self) -> float:
         """The squared error of an empty volume."""

@@ -43,11 +43,6 @@ class Method:
     defaults: Mapping[str, Any] = field(default_factory=dict)
     any_basis: bool = True
 
-    @property
-    def is_combination(self) -> bool:
-        """Whether its function is made by `tomo.solvers.combinations`."""
-        return self.solver != self.name
-
 
 _ROWS = (
     Method("art", ROWS, NONE, "art", any_basis=False),

@@ -1,4 +1,4 @@
-"""What the views resolve: how they cover the voxels, and how wide a single voxel's light comes back."""
+"""What the views resolve: how they cover the voxels, and how wide one voxel's light comes back."""
 
 from __future__ import annotations
 

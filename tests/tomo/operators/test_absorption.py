@@ -31,13 +31,6 @@ def test_an_even_medium_dims_by_the_way_to_the_camera():
     np.testing.assert_allclose(seen, expected, rtol=2e-3)
 
 
-def test_even_gas_that_absorbs_by_its_emission_dims_alike():
-    level = np.full(GRID.shape, 0.5, np.float32)
-    own = system(form="stored").with_absorption(Absorption(emission=0.22), level)
-    medium = system(form="stored").with_absorption(Absorption(medium=0.11))
-    np.testing.assert_allclose(own.projector.row_sums, medium.projector.row_sums, rtol=1e-4)
-
-
 @pytest.mark.parametrize("supersample", [1, 2])
 @pytest.mark.parametrize("active", [ActiveVoxels(GRID), SOME], ids=["all", "some"])
 def test_on_the_fly_gives_what_is_stored(active, supersample):

@@ -22,19 +22,6 @@ def test_the_estimate_is_close_to_what_tracing_finds(supersample):
     assert need.nbytes >= system.projector.segments.nbytes
 
 
-def test_a_part_of_the_rays_is_enough_for_the_estimate(monkeypatch):
-    whole = estimate_memory(tuple(RIG), GRID)
-    monkeypatch.setattr("tomo.operators.memory.SAMPLED_RAYS", 300)
-    assert estimate_memory(tuple(RIG), GRID).segments == pytest.approx(whole.segments, rel=0.1)
-
-
-def test_midpoints_take_more():
-    assert (
-        estimate_memory(tuple(RIG), GRID, midpoints=True).nbytes
-        > estimate_memory(tuple(RIG), GRID).nbytes
-    )
-
-
 @pytest.mark.parametrize("share", [0.9, 0.5, 0.1, 0.02])
 @pytest.mark.parametrize("refinement", [1, 10])
 def test_the_grid_said_to_fit_fits(share, refinement):
@@ -107,15 +94,3 @@ def test_the_sample_of_rays_does_not_fall_into_step_with_the_image(size):
     need = estimate_memory(tuple(rig), GRID)
     assert need.rays == pytest.approx(system.projector.shape[0], rel=0.1)
     assert need.segments == pytest.approx(system.projector.n_segments, rel=0.1)
-
-
-def test_the_grid_said_to_fit_fits_on_the_fly_too():
-    cameras, grid = tuple(RIG), GRID.refined(12)
-    need = estimate_memory(cameras, grid, form="on-the-fly")
-    with pytest.raises(ValueError, match="would take about") as caught:
-        check_memory(cameras, grid, form="on-the-fly", available=need.nbytes // 3)
-    shape = re.search(r"(\d+)x(\d+)x(\d+) voxels of", str(caught.value)).groups()
-    coarser = VoxelGrid.from_bounds([int(n) for n in shape], GRID.lower, GRID.upper)
-    check_memory(cameras, coarser, form="on-the-fly", available=need.nbytes // 3)
-    with pytest.raises(ValueError, match="no grid would fit"):
-        check_memory(cameras, GRID, form="on-the-fly", available=50_000)

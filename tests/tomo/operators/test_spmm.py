@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 import rigs
 from tomo.grid import VoxelGrid
 from tomo.operators import GaussianBasis, LinearSystem
-from tomo.operators.spmv import COLUMNS, PIECE
+from tomo.operators.spmv import COLUMNS
 from tomo.pipeline.build import in_basis
 
 
@@ -56,19 +56,3 @@ def test_a_column_has_the_same_bits_whatever_is_beside_it(operators, kind):
     for places in ([0, 1, 2], [10, 4, 8]):
         others[:, places] = one
         np.testing.assert_array_equal((operator @ others)[:, places], operator @ one)
-
-
-@pytest.mark.parametrize(("dtype", "most"), [(np.float32, 1e-6), (np.float64, 1e-12)])
-def test_the_dot_test_of_columns(operators, dtype, most):
-    for operator in operators.values():
-        random = np.random.default_rng(2)
-        x = random.random((operator.shape[1], 5)).astype(dtype)
-        y = random.random((operator.shape[0], 5)).astype(dtype)
-        forward = np.sum((operator @ x).astype(np.float64) * y, axis=0)
-        backward = np.sum(x * (operator.T @ y).astype(np.float64), axis=0)
-        np.testing.assert_allclose(forward, backward, rtol=most)
-
-
-def test_pieces_end_anywhere_in_a_row(operators):
-    counts = np.diff(operators["stored"].segments.ptr)
-    assert {0, 1, PIECE - 1} <= set(np.unique(counts % PIECE))  # the cases above have all

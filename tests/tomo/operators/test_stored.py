@@ -64,12 +64,6 @@ def images(operator, seed=0, dtype=np.float64):
     return np.random.default_rng(seed).standard_normal(operator.shape[0]).astype(dtype)
 
 
-@NAMES
-@pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
-def test_the_adjoint_matches(derived, name, dtype, bound):
-    assert max(dot_test(derived[name], seed, dtype) for seed in range(30)) < bound
-
-
 @pytest.mark.parametrize("wrong", ["shifted", "scaled", "rounded"])
 def test_the_dot_test_sees_an_adjoint_that_does_not_match(projector, wrong):
     matrix = projector.to_scipy().tocsr()
@@ -95,18 +89,14 @@ def test_products_are_those_of_the_matrix(derived, name, dtype):
     matrix = operator.to_scipy().astype(np.float64)
     assert matrix.shape == operator.shape == (operator.segments.n_pixels, GRID.size)
     x, y = volume(1, dtype), images(operator, 2, dtype)
+    y[::5] = 0  # rows of dark pixels are skipped
+    assert (operator @ x).dtype == (operator.T @ y).dtype == dtype
     close = {"rtol": 0, "atol": 1e-12 if dtype == np.float64 else 1e-5}
     np.testing.assert_allclose(operator @ x, matrix @ x.astype(float), **close)
     np.testing.assert_allclose(operator.T @ y, matrix.T @ y.astype(float), **close)
     np.testing.assert_array_equal(operator.rmatvec(y), operator.T @ y)
     columns = np.stack([x, volume(3, dtype)], axis=1)
     np.testing.assert_allclose(operator @ columns, matrix @ columns.astype(float), **close)
-
-
-@DTYPES
-def test_the_result_has_the_type_of_the_argument(projector, dtype):
-    assert (projector @ volume(0, dtype)).dtype == dtype
-    assert (projector.T @ images(projector, 0, dtype)).dtype == dtype
 
 
 def test_whole_numbers_are_projected_in_double_precision(projector):
@@ -141,16 +131,6 @@ def test_sums_over_the_pixels_of_a_voxel_are_good_to_single_precision():
 
 
 @DTYPES
-def test_pixels_that_are_zero_add_nothing_whatever_their_lengths(projector, dtype):
-    y = images(projector, 14, dtype)
-    y[::2] = 0
-    kept = np.arange(1, len(y), 2)
-    np.testing.assert_allclose(
-        projector.T @ y, projector.take(kept).T @ y[kept], rtol=0, atol=1e-5
-    )
-
-
-@DTYPES
 def test_the_number_of_threads_changes_no_bit(projector, dtype, on_threads):
     x, y = volume(4, dtype), images(projector, 5, dtype)
     results = []
@@ -169,18 +149,6 @@ def test_row_sums_and_column_sums(derived, name):
     np.testing.assert_allclose(operator.row_sums, matrix.sum(axis=1), rtol=1e-12)
     np.testing.assert_allclose(operator.column_sums, matrix.sum(axis=0), rtol=1e-12)
     assert operator.row_sums.dtype == operator.column_sums.dtype == np.float64
-
-
-def test_a_pixel_that_looks_past_the_grid_sees_nothing(projector):
-    dark = projector.row_sums == 0
-    assert 0 < dark.sum() < len(dark)
-    assert (projector @ volume())[dark].tolist() == [0] * dark.sum()
-
-
-def test_a_constant_field_projects_to_chords():
-    rays = Rays.from_lines(GRID.center - np.array([9, 0.1, 0.05]), [1, 0, 0])
-    operator = Projector(trace(rays, GRID, dtype=np.float64), GRID)
-    np.testing.assert_allclose(operator @ np.full(GRID.size, 3.0), 3 * GRID.extent[0])
 
 
 def test_view_ptr_says_whose_pixels_stand_where(projector):
@@ -234,22 +202,6 @@ def test_views_without_pixels_and_projectors_without_views(projector):
     assert gaps.subset([]).n_views == 0
 
 
-def test_rows_share_the_entries(projector):
-    part = projector.rows(200, 500)
-    assert np.shares_memory(part.segments.length, projector.segments.length)
-    x = volume(11)
-    np.testing.assert_array_equal(part @ x, (projector @ x)[200:500])
-
-
-@NAMES
-def test_the_segments_are_the_rows_of_the_projector_one_after_another(derived, name):
-    operator = derived[name]
-    s = operator.segments
-    x = volume(15)
-    np.testing.assert_array_equal(Projector(s, GRID) @ x, operator @ x)
-    assert (s.n_pixels, len(s)) == (operator.shape[0], operator.n_segments)
-
-
 def test_projectors_of_some_pixels_copy_no_entries():
     whole = make(supersample=6)
     for some in (lambda: whole.subset([2, 0, 0]), lambda: whole.take(np.arange(0, 900, 2))):
@@ -297,13 +249,6 @@ def test_vectors_that_are_not_contiguous_or_writable(projector):
     np.testing.assert_array_equal(projector.T @ frozen, projector.T @ y)
 
 
-def test_a_vector_of_another_size_is_refused(projector):
-    with pytest.raises(ValueError, match="dimension mismatch"):
-        projector @ np.zeros(GRID.size + 1)
-    with pytest.raises(ValueError, match="dimension mismatch"):
-        projector.T @ np.zeros(3)
-
-
 @pytest.mark.parametrize("view_ptr", [[0, 5], [1, 6], [0, 4, 2, 6], [0, 7]])
 def test_a_view_ptr_that_does_not_fit_is_refused(projector, view_ptr):
     with pytest.raises(ValueError, match="view_ptr: expected ascending from 0 to 6 pixels"):
@@ -325,7 +270,3 @@ def test_crossings_of_what_is_no_unknown_are_refused(shape, negative):
         1,
         active.size,
     )
-
-
-def test_its_repr_names_the_sizes(projector):
-    assert repr(projector).startswith("<Projector: 3 views, 1264 pixels, VoxelGrid(")

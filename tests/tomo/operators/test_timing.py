@@ -27,13 +27,6 @@ def test_where_the_matrix_does_not_fit_the_other_form_is_timed():
     assert small.iteration_seconds > 0
 
 
-def test_what_cannot_be_reconstructed_is_refused():
-    with pytest.raises(ValueError, match="would take about"):
-        estimate_effort(RIG, GRID, available=1000)
-    with pytest.raises(ValueError, match="see"):
-        estimate_effort(RIG, VoxelGrid((5, 5, 5), 1.0, (0.0, 900.0, 0.0)))
-
-
 def test_a_volume_of_a_few_pixels_is_found_by_the_sample():
     rig = ring(2, distance=400.0, image_size=(400, 400), footprint=1.0)
     effort = estimate_effort(rig, VoxelGrid((6, 6, 6), 1.0, (40.3, 30.2, 20.1)))

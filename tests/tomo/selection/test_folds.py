@@ -91,7 +91,7 @@ def test_the_truth_predicts_left_out_blocks_and_darkness_misses_their_light(ring
     runs = runs_of_pixels(projector)
     held = blocks_to_leave_out(runs)
     found = Fold.leaving_out(held, projector, measured, blocks=runs)
-    assert found.n_blocks == len(np.unique(runs[held]))
+    assert len(np.unique(found.blocks)) == len(np.unique(runs[held]))
     np.testing.assert_array_equal(found.squared_errors(ring_system.truth.ravel()), 0)
     dark = found.squared_errors(np.zeros(projector.shape[1], np.float32))
     assert dark.sum() == pytest.approx(found.squared_light, rel=1e-6)

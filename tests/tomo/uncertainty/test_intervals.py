@@ -219,12 +219,6 @@ def test_where_nothing_emits_there_are_no_intervals():
     assert found.report()["intervals"] is None
 
 
-def test_the_same_seed_gives_the_same_intervals(found):
-    system = system_of(8)
-    again = assessed(system, images_of(system))
-    assert again.half_width.tobytes() == found.half_width.tobytes()
-
-
 def test_edges_are_where_plane_sums_are_half():
     grid = VoxelGrid((10, 8, 6), (1.0, 2.0, 0.5), (0.5, 1.0, -1.0))
     volume = np.zeros(grid.shape, np.float32)

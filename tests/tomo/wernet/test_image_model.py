@@ -136,16 +136,6 @@ def test_effects_do_what_their_formulas_say():
     np.testing.assert_allclose(found.numpy(), expected, rtol=1e-6)
 
 
-def test_a_shift_moves_images():
-    one = model(Pose(), basis="linear")
-    base, moved = (
-        one.system.images(one(VOLUME, pose=torch.tensor([[2.0, -3, 0, 0, 0, 0]] * 2) * k).numpy())
-        for k in (0, 1)
-    )
-    np.testing.assert_allclose(moved[0][:-3, 2:], base[0][3:, :-2], atol=0.1)
-    assert np.abs(moved[0] - base[0]).max() > 1
-
-
 def test_transforms_of_torch_serve_and_second_derivatives_are_refused():
     one, gains = model(Gain(), Pose()), torch.zeros(2, dtype=torch.float64)
 

@@ -5,7 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import torch
-from torch.func import functional_call, grad
+from torch.func import functional_call
 from torch.nn import functional
 
 from rigs.scene.gas import ExtinctionVolume
@@ -131,17 +131,6 @@ def test_a_normalised_gradient_is_the_true_one_over_the_norm_of_the_ray_s_weight
         torch.testing.assert_close(gradient, true[name], rtol=1e-12, atol=0)
 
 
-def test_larger_weights_do_not_enlarge_the_normalised_step_and_none_send_nothing(random_rays):
-    batch = random_rays([5, 3, 0, 2]).take(torch.arange(4))
-    steps = []
-    for bias in (1.0, 1000.0, 0.0):
-        encoder = Encoder("relative", silent=True, last_bias=bias)
-        model = WERNet(torch.ones(7), encoder, anchored=False, normalise_gradient=True)
-        steps.append(gradients(model, batch, torch.sum)["voxels"])
-    torch.testing.assert_close(steps[0], steps[1])
-    assert torch.equal(steps[2], torch.zeros(7))
-
-
 def padded(model, rays):
     """Return the pixels by PyTorch's convolutions of rays padded to the longest, masked."""
     count = rays.count.tolist()
@@ -225,18 +214,6 @@ def test_precisions(tiny):
     torch.testing.assert_close(fine.float(), expected, rtol=1e-5, atol=1e-5)
 
 
-def test_functional_gradients_are_those_of_backward(random_rays):
-    model, batch = everything(7), random_rays([5, 3, 1, 4]).take(torch.arange(4))
-
-    def loss(parameters):
-        return functional_call(model, parameters, (batch,)).square().sum()
-
-    found, expected = grad(loss)(dict(model.named_parameters())), gradients(model, batch)
-    assert found.keys() == expected.keys()
-    for name in found:
-        torch.testing.assert_close(found[name], expected[name], rtol=1e-12, atol=0)
-
-
 @pytest.mark.parametrize("name", ["LBFGS", "AdamW"])
 def test_loops_of_one_s_own_reach_a_small_residual(tiny, name):
     encoder = Encoder("relative", silent=True)
@@ -268,19 +245,6 @@ def test_a_frozen_encoder_stays_in_evaluation(tiny):
     encoder.requires_grad_(True)
     model.train()(tiny.batch)
     assert encoder.norms[0].running_mean.any()
-
-
-def test_a_state_is_taken_over_by_another_model(random_rays):
-    batch = random_rays([5, 3]).take(torch.arange(2))
-    model, other = everything(7, "batch-norm"), everything(7, "batch-norm")
-    model(batch)  # moves the running statistics, which belong to the state
-    with torch.no_grad():
-        for one in model.parameters():
-            one.mul_(1.1)
-    names = {name.partition(".")[0] for name in model.state_dict()}
-    assert names == {"voxels", "encoder", "gain", "fall_off", "background", "absorber"}
-    other.load_state_dict(model.state_dict())
-    assert torch.equal(other.eval()(batch), model.eval()(batch))
 
 
 def test_first_values_are_copied_and_numbers_become_floating():

@@ -5,7 +5,6 @@ import pytest
 import torch
 
 import rigs
-from phantoms import GaussianBlobs
 from tomo import ActiveVoxels, GaussianBasis, LinearSystem, VoxelGrid
 from tomo.wernet import project
 
@@ -103,31 +102,6 @@ def test_transforms_of_torch_serve():
     torch.testing.assert_close(jacobian.flatten(1), torch.as_tensor(matrix))
     _, ahead = torch.func.jvp(one(system), (x,), (x,))
     torch.testing.assert_close(ahead, project(x, system))
-
-
-@pytest.mark.parametrize("optimiser", ["L-BFGS", "AdamW"])
-def test_a_loop_of_ones_own_finds_the_volume(optimiser):
-    grid = VoxelGrid((8, 10, 8), 1.0)
-    field = GaussianBlobs([[0.8, -1.5, 0.4], [-0.9, 1.4, -0.5]], [1.3, 1.5], [1.0, 0.7])
-    truth = torch.as_tensor(field(grid.centers().reshape(-1, 3)), dtype=torch.float32)
-    system = LinearSystem.from_rig(RIG, grid)
-    measured = project(truth, system)
-    start = torch.full_like(truth, 0.1).requires_grad_()
-    if optimiser == "L-BFGS":
-        steps, how = 6, torch.optim.LBFGS([start], max_iter=20, line_search_fn="strong_wolfe")
-    else:
-        steps, how = 250, torch.optim.AdamW([start], lr=0.02, weight_decay=0.0)
-
-    def loss():
-        how.zero_grad()
-        found = (project(start.square(), system) - measured).square().mean()
-        found.backward()
-        return found
-
-    for _ in range(steps):
-        how.step(loss)
-    error = float((start.detach().square() - truth).norm() / truth.norm())
-    assert error < {"L-BFGS": 0.05, "AdamW": 0.15}[optimiser]
 
 
 @pytest.mark.parametrize(

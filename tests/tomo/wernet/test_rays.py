@@ -1,6 +1,6 @@
 """Rays as tensors, and some of them packed."""
 
-from dataclasses import fields, replace
+from dataclasses import fields
 
 import numpy as np
 import pytest
@@ -44,13 +44,6 @@ def test_segments_rows_and_empty_rows(batch):
     assert repr(batch) == "<RayBatch: 4 rays, 10 segments>"
 
 
-def test_an_empty_row_stands_before_between_and_behind_all_rays(random_rays):
-    counts = torch.randint(1, 9, (200,), generator=torch.Generator().manual_seed(0)).tolist()
-    inside = random_rays(counts).take(torch.arange(200)).mask[:, 0]
-    runs = "".join("x" if one else " " for one in inside).split(" ")
-    assert [len(run) for run in runs] == [0, *counts, 0]
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_sums_and_repeats_are_each_ray_s_own(batch, dtype):
     values = torch.arange(10, dtype=dtype)
@@ -59,15 +52,6 @@ def test_sums_and_repeats_are_each_ray_s_own(batch, dtype):
     of_ray = torch.tensor([1.0, 2.0, 3.0, 4.0], dtype=dtype)
     assert batch.per_segment(of_ray).tolist() == [1, 1, 2, 2, 2, 3, 4, 4, 4, 4]
     assert batch.per_segment(torch.stack([of_ray, -of_ray], dim=1)).shape == (10, 2)
-
-
-def test_sum_and_repeat_are_transposes_of_each_other(batch):
-    generator = torch.Generator().manual_seed(0)
-    values, of_ray = (torch.randn(n, dtype=torch.float64, generator=generator) for n in (10, 4))
-    values.requires_grad_()
-    assert torch.autograd.gradcheck(batch.sum, values, atol=1e-6)
-    batch.sum(values).backward(of_ray)
-    assert torch.equal(values.grad, batch.per_segment(of_ray))
 
 
 def test_what_is_before_a_segment_is_that_of_its_own_ray(batch):
@@ -189,11 +173,3 @@ def test_input_that_does_not_fit_is_refused(given, arguments, message):
     with pytest.raises(ValueError, match=message) as caught:
         Rays.of(Projector(given, grid), **arguments)
     assert "\n" not in str(caught.value)
-
-
-def test_rays_move_to_another_device_with_all_they_have(random_rays):
-    rays = replace(random_rays([2, 3]), squared_radius=None)
-    there = rays.to("meta")
-    assert {one.device.type for one in (there.voxel, there.features.of_segment)} == {"meta"}
-    assert there.unknowns == rays.unknowns
-    assert there.squared_radius is None

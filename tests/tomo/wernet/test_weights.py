@@ -9,7 +9,6 @@ from tomo.grid import ActiveVoxels
 from tomo.operators import dot_test
 from tomo.trace import Segments
 from tomo.wernet import Encoder, RayFeatures, Rays, RayWeights
-from tomo.wernet.training import CPU_SEGMENTS
 from tomo.wernet.weights import mean_of_voxels, reweighted
 
 SHOWN = ("direction, x", "direction, z", "depth in the grid")
@@ -73,17 +72,6 @@ def test_the_gauge_is_the_mean_of_a_voxel_s_weights():
     assert lengths.segments.length.tolist() == [1, 1, 1, 3, 0]
 
 
-def test_the_same_bits_for_any_number_of_threads(scene, on_threads):
-    unweighted = scene(image_size=(21, 30)).projector
-    assert unweighted.n_segments > 4 * CPU_SEGMENTS
-    found = []
-    for threads in (1, 2, 4):
-        with on_threads(threads):
-            found.append(_weights(unweighted).projector(unweighted).segments.length)
-            assert torch.get_num_threads() == threads
-    assert all(np.array_equal(found[0], other) for other in found[1:])
-
-
 def test_a_view_s_weights_do_not_depend_on_other_views(scene):
     unweighted = scene().projector
     weights = _weights(unweighted)
@@ -123,8 +111,3 @@ def test_active_voxels_stay(scene):
     assert learned.active is active
     assert learned.shape == unweighted.shape
     assert max(dot_test(learned, seed) for seed in range(5)) < 1e-12
-
-
-def test_repr_names_the_sizes(scene):
-    weights = _weights(scene().projector)
-    assert repr(weights) == f"<RayWeights: {weights.encoder.settings}>"

@@ -8,10 +8,8 @@ import torch
 
 from tomo import LinearSystem
 from tomo.grid import ActiveVoxels
-from tomo.operators import Projector
 from tomo.selection import choose_by_left_out_pixels, solve_as_chosen
 from tomo.selection.left_out import LeftOut
-from tomo.trace import Segments
 from tomo.wernet import Encoder, Rays, WernetSettings, outer_iterations, save_encoder, wernet
 from tomo.wernet.outer_iterations import EncoderTraining
 from tomo.wernet.wernet import FEW_VIEW_FEATURES
@@ -255,15 +253,6 @@ def test_an_encoder_that_explodes_leaves_the_classic_solve(scene, shaded, value,
     assert all(np.isfinite(entry.relative_residual) for entry in found.history)
 
 
-def test_rays_that_all_miss_the_grid_are_refused(scene):
-    one = scene()
-    s = one.projector.segments
-    nothing = Segments(np.zeros_like(s.ptr), s.voxel[:0], s.length[:0], s.midpoint[:0])
-    blind = Projector(nothing, one.grid, one.projector.view_ptr)
-    with pytest.raises(ValueError, match="segments: found none, expected at least one ray"):
-        wernet(blind, one.measured)
-
-
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -281,14 +270,6 @@ def test_bad_arguments_are_named_in_one_line(scene, arguments, message):
     with pytest.raises(ValueError, match=message) as caught:
         wernet(one.projector, **{"measured": one.measured, **arguments})
     assert "\n" not in str(caught.value)
-
-
-def test_segments_without_midpoints_are_refused(scene):
-    one = scene()
-    s = one.projector.segments
-    plain = Projector(Segments(s.ptr, s.voxel, s.length), one.grid, one.projector.view_ptr)
-    with pytest.raises(ValueError, match="trace with midpoints=True"):
-        wernet(plain, one.measured)
 
 
 def test_an_encoder_that_couples_rays_is_refused(scene):

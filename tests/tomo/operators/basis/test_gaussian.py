@@ -66,13 +66,6 @@ def test_a_blob_stands_at_its_voxels_centre_and_loses_nothing_inside(lines, widt
     assert (blob >= 0).all()
 
 
-@pytest.mark.parametrize("dtype", [np.float32, np.float64])
-def test_the_result_has_the_type_of_the_argument(lines, dtype):
-    smooth = GaussianBasis(lines, 1.0)
-    assert (smooth @ np.ones(lines.grid.size, dtype)).dtype == dtype
-    assert (smooth.T @ np.ones(400, dtype)).dtype == dtype
-
-
 def test_row_sums_and_column_sums(lines):
     smooth = GaussianBasis(lines, 0.8)
     matrix = np.stack([smooth.T @ row for row in np.eye(400)])  # (pixels, voxels)
@@ -92,7 +85,3 @@ def test_a_grid_one_voxel_thin():
 def test_a_width_that_is_none_is_refused(lines, width):
     with pytest.raises(ValueError, match="smooth basis width: found"):
         GaussianBasis(lines, width)
-
-
-def test_its_repr_names_the_width(lines):
-    assert repr(GaussianBasis(lines, 0.75)).endswith("width=0.75)")

@@ -107,10 +107,6 @@ def test_images_of_other_rays_are_refused(lines, images):
         ImageBlur(images.kernels, images.pixels, images.rays.take(np.arange(300))) @ lines
 
 
-def test_repr_names_the_rays(blurred):
-    assert repr(blurred).startswith("<<ImageBlur: 400 pixels> @ <Projector: 4 views")
-
-
 def test_rays_on_the_fly_are_blurred_alike(cameras):
     """A matrix that is stored and one that is not give the same images and volumes."""
     rig, grid = cameras.rig, cameras.grid

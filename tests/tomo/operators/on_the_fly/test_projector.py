@@ -53,13 +53,6 @@ def test_same_matrix_in_double_precision(pair):
     assert np.abs(flying.T @ y - back).max() < 1e-9 * np.abs(back).max()
 
 
-def test_chord_lengths_in_single_precision(pair):
-    stored, flying = pair
-    chord = flying @ np.ones(stored.shape[1], np.float32)
-    assert chord.dtype == np.float32
-    assert np.abs(chord - stored.row_sums).max() < 1e-5 * stored.row_sums.max()
-
-
 def test_lengths_of_every_voxel(pair):
     stored, flying = pair
     matrix = stored.to_scipy()
@@ -72,14 +65,6 @@ def test_lengths_of_every_voxel(pair):
     # a face passed at a grazing angle is found less well, but by few rays
     assert np.abs(errors).max() < 1e-4
     assert np.sqrt(np.mean(np.square(errors))) < 1e-6
-
-
-@pytest.mark.parametrize(("dtype", "bound"), [(np.float64, 1e-12), (np.float32, 1e-6)])
-def test_dot_test(pair, dtype, bound):
-    _, flying = pair
-    for seed in range(5):
-        assert dot_test(flying, seed, dtype) < bound
-        assert dot_test(flying.subset([2, 0]), seed, dtype) < bound
 
 
 @given(seed=st.integers(0, 2**31), shape=st.tuples(*[st.integers(1, 9)] * 3))
@@ -219,14 +204,6 @@ def test_rays_of_cameras_are_the_stored_ones(lens, supersample):
     assert np.array_equal(made.subset([2, 0]) @ x, np.r_[(made @ x)[600:], (made @ x)[:300]])
     assert np.array_equal(made.rows(250, 700).rows(10, 400) @ x, (made @ x)[260:650])
     assert np.array_equal(made.take(some).take(np.arange(5, 99, 3)) @ x, (made @ x)[some[5:99:3]])
-
-
-def test_all_pixels_of_cameras():
-    cameras, grid, rays = cameras_and_rays("pinhole")
-    x = np.random.default_rng(8).random(grid.size)
-    made = OnTheFlyProjector(list(map(pixel_source, cameras)), grid)
-    assert made.view_ptr.tolist() == [0, 713, 1426, 2139]
-    assert made @ x == pytest.approx(OnTheFlyProjector(rays, grid) @ x, rel=1e-10, abs=1e-10)
 
 
 def test_pixels_that_the_lens_does_not_reach_see_nothing():
