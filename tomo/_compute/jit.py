@@ -22,7 +22,7 @@ import numba
 from numba.core.cpu import ParallelOptions
 
 from rigs.compiled import cached_with_helpers
-from tomo._compute.wait_policy import set_passive_waiting
+from tomo._compute import set_passive_waiting
 
 _threads_lost = threading.Event()
 """Set for good in a forked process, where it holds; a process that is spawned begins afresh."""

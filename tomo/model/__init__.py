@@ -11,7 +11,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "image_effects": ["Gain", "Background", "FallOff", "squared_radius", "Blur"],
         "gauge": ["without_gauge"],
         "observation": ["Observation"],
-        "outside": ["Surroundings"],
         "pose": ["Pose"],
     },
 )

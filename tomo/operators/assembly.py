@@ -14,15 +14,11 @@ from rigs.progress import Progress
 from tomo._compute.threads import run_chunks
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators.on_the_fly.camera_sources import pixel_source
-from tomo.operators.on_the_fly.chunks import count_crossings
+from tomo.operators.on_the_fly.chunks import RAYS_AT_ONCE, count_crossings
 from tomo.operators.on_the_fly.ray_sources import PixelSource
 from tomo.rays import Rays
 from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.trace import Segments
-
-RAYS_AT_ONCE = 16_384
-"""Rays that a thread traces at once: more leave the cache and let threads end apart, fewer cost
-calls."""
 
 
 def trace_cameras(

@@ -16,12 +16,10 @@ from tomo._compute.jit import compiled
 from tomo._compute.threads import threads_worth
 from tomo.operators.composition import ImageOperator
 from tomo.operators.operator import as_float
+from tomo.operators.spmv import FORWARD_NANOSECONDS
 
 Kernel = tuple[NDArray[np.int64], NDArray[np.float32]]
 """``offsets`` (n, 2), columns and rows from a pixel, and the ``weight`` (n,) of each."""
-
-NANOSECONDS = 0.3
-"""Time of one kernel weight of one pixel on one thread. It decides how many threads are woken."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,7 +197,7 @@ class ImageBlur(ImageOperator):
     def _work(self) -> float:
         """Nanoseconds of one product on one thread, about."""
         counts = np.bincount(self.pixels.view, minlength=len(self.kernels))
-        return NANOSECONDS * float(counts @ np.diff(self._weights[2]))
+        return FORWARD_NANOSECONDS * float(counts @ np.diff(self._weights[2]))
 
     def _matvec(self, x: NDArray) -> NDArray:
         x, images = as_float(x.ravel()), np.zeros(self.shape[0], as_float(x).dtype)

@@ -31,8 +31,6 @@ SAMPLED_RAYS = 2_000
 """Rays of each camera that segments are counted on: fewer err by more than a few per cent."""
 SAMPLED_OVER_APERTURE = 4
 """Rays over an aperture that are counted of each pixel: the others are much like them."""
-FEWEST = 500
-"""Fewest pixels of each camera that rays are counted on."""
 SAMPLED_PIXELS = 128
 """Pixels of each camera whose voxels are counted where rays over an aperture share them: fewer err
 by more than a few per cent, more take long."""
@@ -78,7 +76,7 @@ def estimate_memory(
     rays = segments = entries = 0.0
     for camera in cameras:
         count = math.prod(camera.image_size)
-        sample, stands_for = _sampled_pixels(count, max(SAMPLED_RAYS // over_aperture, FEWEST))
+        sample, stands_for = _sampled_pixels(count, SAMPLED_RAYS // over_aperture)
         some = Rays.from_camera(camera, sample, 1, over_aperture)
         box = enter_box(some, grid)
         inside = box.length > 0

@@ -181,9 +181,6 @@ COLUMNS = 8
 """Vectors that share a product: their float32 values at one unknown fill a vector register, and a
 block of frames has as many. Fewer read the matrix more often, more need a larger cache."""
 
-ENTRY_NANOSECONDS = 1.8
-"""Time of an entry and all columns on one thread: less work stays on one thread."""
-
 PIECE = 16
 """Entries that are added up in the vectors' own type before the sum goes on in double precision:
 more round more, fewer take longer."""
@@ -283,7 +280,7 @@ def products(matrix: Matrix, vectors: NDArray[np.floating], entries: int) -> NDA
     for first in range(0, vectors.shape[1], COLUMNS):
         group = _columns_from(vectors, first)
         images = np.zeros((len(result), COLUMNS), vectors.dtype)
-        with threads_worth(ENTRY_NANOSECONDS * entries):
+        with threads_worth(COLUMNS * FORWARD_NANOSECONDS * entries):
             _products(*matrix, group, images)
         result[:, first : first + COLUMNS] = images[:, : vectors.shape[1] - first]
     return result
@@ -304,7 +301,7 @@ def transposed_products(
     rounds = -(-(len(bounds) - 1) // at_once)
     for first in range(0, images.shape[1], COLUMNS):
         volumes = np.zeros((n_unknowns, COLUMNS), images.dtype)
-        with threads_worth(ENTRY_NANOSECONDS * entries / rounds):
+        with threads_worth(COLUMNS * FORWARD_NANOSECONDS * entries / rounds):
             _transposed_products(*matrix, _columns_from(images, first), bounds, private, volumes)
         result[:, first : first + COLUMNS] = volumes[:, : images.shape[1] - first]
     return result

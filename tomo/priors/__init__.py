@@ -35,9 +35,8 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "curvature": ["RelativeCurvature"],
-        "differences": ["Gradient"],
-        "magnitude": ["L1", "Magnitude"],
-        "total_variation": ["ProximalMap", "ProximalPrior", "TotalVariation"],
+        "differences": ["Gradient", "Magnitude"],
+        "total_variation": ["L1", "ProximalMap", "ProximalPrior", "TotalVariation"],
     },
 )
 __all__ += ["PRIORS"]

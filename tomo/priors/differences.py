@@ -1,4 +1,4 @@
-"""Differences of neighbouring voxels, and their exact transpose."""
+"""Linear priors: differences of neighbouring voxels, and the unknowns themselves."""
 
 from __future__ import annotations
 
@@ -176,3 +176,15 @@ class Gradient:
                 runs.depth - self.columns, self.columns, self.factors, plain, out,
             )  # fmt: skip
         return out if self.columns == 1 else out.reshape(-1, self.columns)
+
+
+class Magnitude:
+    """The identity: ``||x||²`` counts the squares of the unknowns themselves."""
+
+    def forward(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``x``."""
+        return values
+
+    def adjoint(self, field: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return ``p``."""
+        return field

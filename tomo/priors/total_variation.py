@@ -1,4 +1,4 @@
-"""The prior of total variation: few, sharp edges; and its proximal map, with a bound or not."""
+"""Proximal priors: total variation, for few sharp edges, and the sum of magnitudes."""
 
 from __future__ import annotations
 
@@ -9,14 +9,13 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.arrays import host, is_numpy
+from tomo._compute.arrays import host, is_numpy, namespace, single
 from tomo._compute.jit import compiled
+from tomo._compute.reductions import total
 from tomo._compute.threads import threads_worth
 from tomo.grid import ActiveVoxels
 from tomo.priors.dense import DenseVariationProximal
-from tomo.priors.differences import Gradient
-
-NANOSECONDS_A_STEP = 3.0  # a voxel of the box, on one thread
+from tomo.priors.differences import NANOSECONDS_ADJOINT, NANOSECONDS_FORWARD, Gradient
 
 
 @compiled(inline=True)
@@ -191,7 +190,7 @@ class TotalVariationProximal:
         ahead = self._dual.copy()
         last = 1.0
         metric = self._inverse, np.float32(stretch), self._factors
-        with threads_worth(NANOSECONDS_A_STEP * volume.size):
+        with threads_worth((NANOSECONDS_FORWARD + NANOSECONDS_ADJOINT) * volume.size):
             for _ in range(steps):
                 _lower_primal(center, *metric, self._lowest, ahead, volume)
                 following = (1 + math.sqrt(1 + 4 * last**2)) / 2
@@ -200,3 +199,32 @@ class TotalVariationProximal:
                 _raise_dual(volume, *metric, np.float32(weight), momentum, self._dual, ahead)
             _lower_primal(center, *metric, self._lowest, self._dual, volume)
         return self._box.compress(volume)
+
+
+class L1:
+    """The sum of magnitudes ``sum |x|``: few unknowns are bright.
+
+    Parameters
+    ----------
+    active : ActiveVoxels
+        All unknowns count alike.
+    """
+
+    def __init__(self, active: ActiveVoxels) -> None:
+        self._active = active
+
+    def value(self, values: NDArray[np.float32]) -> float:
+        """Return ``sum |x|`` of the unknowns ``x`` (unknowns,)."""
+        return float(total(namespace(values).abs(values)))
+
+    def proximal_map(self, inverse: NDArray[np.float32], nonnegative: bool) -> ProximalMap:
+        """Return the soft threshold ``sign(c) max(|c| - weight stretch C, 0)``, which is exact."""
+
+        def soft(
+            center: NDArray[np.float32], weight: float, steps: int, stretch: float = 1.0
+        ) -> NDArray[np.float32]:
+            xp, threshold = namespace(center), single(weight * stretch) * inverse
+            above = xp.maximum(center - threshold, 0.0)
+            return above if nonnegative else above - xp.maximum(-center - threshold, 0.0)
+
+        return soft

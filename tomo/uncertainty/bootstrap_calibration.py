@@ -14,7 +14,8 @@ WIDTHS = (0.8, 1.5)
 """Standard deviations, in voxels, of the blurs that describe a voxel's surroundings."""
 
 FLOOR = 1e-3
-"""Fraction of a large deviation to which smaller ones are raised before the logarithm."""
+"""Fraction of a large deviation, or of the emission's root mean square, to which smaller ones are
+raised before the logarithm."""
 
 LARGE = 0.9
 """Quantile of all deviations that counts as a large one."""

@@ -14,8 +14,7 @@ from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.uncertainty import summaries
-from tomo.uncertainty.error_pattern import learned
-from tomo.uncertainty.moved import Moved
+from tomo.uncertainty.moved import Moved, learned
 
 LEVEL = 0.9
 NORMAL = 1.645
@@ -154,7 +153,7 @@ def intervals(
     Notes
     -----
     The errors of the known answer are `DETAIL` times those that both of its reconstructions have,
-    plus and minus those of the noise. What they follow (`tomo.uncertainty.error_pattern`), so that
+    plus and minus those of the noise. What they follow (`tomo.uncertainty.moved`), so that
     90 % of them are below, is applied to the volume. It grows by `UNEXPLAINED` times the
     unexplained fraction of the emission over their root mean square, and is at least the interval
     by noise.

@@ -7,9 +7,6 @@ from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels, Volume, VoxelGrid
 
-HALF = 0.5
-"""Fraction of the largest plane sum at which an edge of the emission is."""
-
 NAMES = ("total", "plane_sums_x", "plane_sums_y", "plane_sums_z", "edges")
 
 
@@ -26,14 +23,14 @@ def plane_sums(volume: NDArray, grid: VoxelGrid) -> list[NDArray[np.float64]]:
 def edges(volume: NDArray, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return where the emission begins and ends along each axis, ``(3, 2)`` in lengths.
 
-    The outermost places at which the plane sums, linear between the planes, are `HALF` of their
+    The outermost places at which the plane sums, linear between the planes, are half of their
     largest; the grid's faces where the outer planes are above that. NaN where nothing emits.
     """
     found = np.full((3, 2), np.nan)
     for axis, sums in enumerate(plane_sums(volume, grid)):
         if not sums.max() > 0:
             continue
-        level = HALF * sums.max()
+        level = sums.max() / 2
         above = np.flatnonzero(sums >= level)
         for side, (inner, step) in enumerate(((above[0], -1), (above[-1], 1))):
             outer = inner + step

@@ -14,7 +14,7 @@ priors of one's own. PyTorch is loaded on first use of a name below.
 
 import lazy_loader
 
-from tomo._compute.wait_policy import set_passive_waiting
+from tomo._compute import set_passive_waiting
 
 set_passive_waiting()
 

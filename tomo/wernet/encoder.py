@@ -18,8 +18,6 @@ ROWS = 512
 """Rows are padded to a multiple of it. PyTorch prepares a convolution anew for every number of
 rows, which takes as long as the convolution. Larger: empty rows. Smaller: more preparations."""
 
-SLOPE = 0.01  # of the Leaky ReLU below zero: PyTorch's default, the paper names none
-
 
 class Encoder(nn.Module):
     """1-D convolutions along the ray: the features of its segments in, one number each out.
@@ -137,7 +135,7 @@ class Encoder(nn.Module):
             x = layer(x)
             if isinstance(norm, MaskedBatchNorm):
                 x = norm(x, mask)
-            x = functional.leaky_relu(x, SLOPE) * mask
+            x = functional.leaky_relu(x) * mask  # the paper names no slope
         return (self.last(x) * mask)[:n_rows, 0]
 
 

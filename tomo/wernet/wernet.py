@@ -33,6 +33,7 @@ import numpy as np
 import torch
 from numpy.typing import ArrayLike, NDArray
 
+from tomo.inference.infer import FEWEST_VIEWS
 from tomo.operators import VOXEL
 from tomo.operators.operator import ProjectionOperator
 from tomo.operators.vectors import check_measured, check_weights
@@ -48,9 +49,6 @@ from tomo.wernet.outer_iterations import EncoderTraining, OuterIterations
 from tomo.wernet.rays import Rays
 from tomo.wernet.settings import WernetSettings
 from tomo.wernet.training import part_map, usable_device
-
-FEWEST_VIEWS = 3
-"""Views that learning needs at least: whatever the weights, some volume reproduces two."""
 
 FEW_VIEW_FEATURES = ("depth in the grid", "upstream emission")
 """Features that a new encoder sees with few views: the same from every side. Directions and
@@ -207,7 +205,7 @@ def _nothing_to_learn(pixels: LeftOut, choice: Choice, shown: Sequence[str]) -> 
         return "nothing to learn from: all that so few views show of optics was refused"
     if not pixels.measured.any():
         return f"nothing to judge weights by: {choice.reason}"
-    if len(projector.views_with_pixels) < FEWEST_VIEWS:
+    if len(projector.views_with_pixels) < FEWEST_VIEWS:  # whatever the weights, they fit two
         return "nothing to judge weights by: too few views, some volume reproduces any two"
     if not pixels.held.any() or pixels.held.all():
         return "nothing to judge weights by: too few pixels to leave any out"

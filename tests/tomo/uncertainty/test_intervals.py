@@ -11,9 +11,8 @@ from tomo.simulation import camera_noise as noises
 from tomo.simulation import simulate_images
 from tomo.uncertainty import assess, summaries
 from tomo.uncertainty import part as part_module
-from tomo.uncertainty.error_pattern import learned
 from tomo.uncertainty.intervals import NORMAL
-from tomo.uncertainty.moved import solve_moved, turned
+from tomo.uncertainty.moved import learned, solve_moved, turned
 from tomo.uncertainty.part import whole
 
 GRID = VoxelGrid((12, 14, 12), 1.0, (1.0, -2.0, 0.5))

@@ -26,7 +26,8 @@ from tomo.operators.on_the_fly.ray_sources import PixelSource, Write
 from tomo.operators.on_the_fly.running_sums import ORDERS, Axes
 
 RAYS_AT_ONCE = 16_384
-"""Rays of a chunk, 1 MB of parameters: more leave the cache, fewer cost calls."""
+"""Rays that a thread traces or projects at once, 1 MB of parameters: more leave the cache and let
+threads end apart, fewer cost calls."""
 
 Visit = Callable[["Chunk", NDArray[np.float64], NDArray[np.int64]], None]
 """Uses a chunk, its rays' parameters (N, 8), and where each pixel's rays begin (P + 1,)."""

@@ -14,6 +14,7 @@ import math
 import numpy as np
 
 from tomo._compute.jit import compiled
+from tomo.operators.on_the_fly.running_sums import TOGETHER
 from tomo.rays.ray_box import STILL
 from tomo.trace.plane_crossings import voxel_units
 
@@ -25,9 +26,6 @@ misses the grid, has ENTER equal to LEAVE."""
 
 WIDTH = 8
 """Numbers a ray: one cache line."""
-
-_TOGETHER = 256
-"""Rays of one vectorised loop: fewer cost overhead, more leave the nearest cache."""
 
 
 @compiled(inline=True)
@@ -125,9 +123,9 @@ def of_rays(origins, directions, lengths, weights, box, shape, axes, parameters)
         Written; a ray with another driving axis, or one that misses the grid, gets none.
     """
     before = axes[0] < axes[1], axes[0] < axes[2]
-    rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
-    for first in range(0, len(origins), _TOGETHER):
-        some = min(_TOGETHER, len(origins) - first)
+    rays, made = np.zeros((8, TOGETHER)), np.zeros((7, TOGETHER))
+    for first in range(0, len(origins), TOGETHER):
+        some = min(TOGETHER, len(origins) - first)
         for k in range(some):
             for part in range(3):
                 axis = axes[part]
@@ -246,8 +244,8 @@ def of_pixels(
     """
     several, bent = len(steps), bend.shape[2]
     before = axes[0] < axes[1], axes[0] < axes[2]
-    rays, made = np.zeros((8, _TOGETHER)), np.zeros((7, _TOGETHER))
-    numbers, weights = np.zeros(_TOGETHER), np.full(_TOGETHER, 1.0 / several)
+    rays, made = np.zeros((8, TOGETHER)), np.zeros((7, TOGETHER))
+    numbers, weights = np.zeros(TOGETHER), np.full(TOGETHER, 1.0 / several)
     to = np.zeros((3, 4))
     for part in range(3):
         axis = axes[part]
@@ -256,8 +254,8 @@ def of_pixels(
         to[part, 3] = voxel_units(
             position[axis], box[0, axis], box[1, axis], box[2, axis], shape[part]
         )
-    for first in range(0, stop - start, _TOGETHER):
-        some = min(_TOGETHER, stop - start - first)
+    for first in range(0, stop - start, TOGETHER):
+        some = min(TOGETHER, stop - start - first)
         run = _write_numbers(first_pixel, ptr, run, start + first, some, numbers)
         for k in range(some if bent else 0):
             seen = several

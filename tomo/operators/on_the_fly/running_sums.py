@@ -29,8 +29,9 @@ Axes = tuple[int, int, int]
 ORDERS: tuple[Axes, ...] = ((0, 1, 2), (1, 0, 2), (2, 0, 1))
 """For each driving axis a, b and c in ascending order."""
 
-_TOGETHER = 128
-"""Columns summed side by side: fewer use parts of cache lines, more leave the cache."""
+TOGETHER = 128
+"""Columns or rays of one vectorised loop: fewer cost overhead and use parts of cache lines, more
+leave the cache."""
 
 
 class _Walk(NamedTuple):
@@ -58,10 +59,10 @@ def _sum_up(volume, walk, first_other, end_other, sums) -> None:
     """Write the running sums of the columns ``first_other:end_other``."""
     n_a, _, n_side = walk.shape
     step_a, step_other, step_side = walk.voxel
-    total = np.zeros(_TOGETHER)
+    total = np.zeros(TOGETHER)
     for other in range(first_other, end_other):
-        for first in range(0, n_side, _TOGETHER):
-            some = min(_TOGETHER, n_side - first)
+        for first in range(0, n_side, TOGETHER):
+            some = min(TOGETHER, n_side - first)
             total[:] = 0
             source = other * step_other + first * step_side
             target = (other * walk.column[0] + first * walk.column[1]) * (n_a + 1) + 1
@@ -78,10 +79,10 @@ def _sum_down(differences, walk, first_other, end_other, start, unit, volume) ->
     """Add to the volume, from voxel ``start`` on, the transpose of `_sum_up`."""
     n_a, _, n_side = walk.shape
     step_a, step_other, step_side = walk.voxel
-    total = np.zeros(_TOGETHER, np.uint64)
+    total = np.zeros(TOGETHER, np.uint64)
     for other in range(first_other, end_other):
-        for first in range(0, n_side, _TOGETHER):
-            some = min(_TOGETHER, n_side - first)
+        for first in range(0, n_side, TOGETHER):
+            some = min(TOGETHER, n_side - first)
             total[:] = 0
             source = (other * walk.column[0] + first * walk.column[1]) * (n_a + 1) + 1
             target = start + other * step_other + first * step_side
