@@ -112,22 +112,6 @@ def test_from_zero_an_underdetermined_system_gets_its_solution_of_least_norm(pro
     np.testing.assert_allclose(found.volume.ravel(), expected, rtol=2e-3, atol=2e-3)
 
 
-def test_cgls_descends_as_dense_conjugate_gradients_in_float64_do(ring_system, dense):
-    projector, matrix = ring_system.projector, dense(ring_system.projector)
-    found = solvers.cgls(projector, ring_system.measured, iterations=12, nonnegative=False)
-    b = ring_system.measured.astype(np.float64)
-    # Its k-th volume minimises the residual over the Krylov space of the first k gradients.
-    basis = np.zeros((matrix.shape[1], 12))
-    vector = matrix.T @ b
-    for k in range(12):
-        for _ in range(2):
-            vector = vector - basis @ (basis.T @ vector)
-        basis[:, k] = vector / np.linalg.norm(vector)
-        vector = matrix.T @ (matrix @ basis[:, k])
-    expected = basis @ np.linalg.lstsq(matrix @ basis, b, rcond=None)[0]
-    assert _error(found.volume, expected) < 1e-4
-
-
 @pytest.mark.parametrize("relaxation", [0.3, 1.0, 1.9])
 def test_sirt_finds_the_weighted_least_squares_solution(projector_of, relaxation):
     matrix, _, measured = _overdetermined(seed=1)

@@ -1,11 +1,8 @@
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tomo import GaussianBasis, Projector, Rays, Segments, VoxelGrid
-from tomo.operators.on_the_fly import OnTheFlyProjector
-from tomo.solvers import art, mart
+from tomo import Projector, Segments, VoxelGrid
 from tomo.solvers._rows import merged_rows
 
 
@@ -34,14 +31,3 @@ def test_rows_without_repeats_are_not_copied(ring_system):
     _, voxel, length = merged_rows(ring_system.projector, "art")
     assert voxel is segments.voxel
     assert length is segments.length
-
-
-@pytest.mark.parametrize("solve", [art, mart])
-def test_methods_that_go_pixel_by_pixel_need_the_matrix(solve, ring_system):
-    rays = Rays.from_lines([-9.0, 0, 0], [1.0, 0, 0])
-    flying = OnTheFlyProjector(rays, VoxelGrid((2, 2, 2), 1.0))
-    with pytest.raises(ValueError, match="found one without a stored matrix"):
-        solve(flying, [1.0])
-    smooth = GaussianBasis(ring_system.projector, 1.0)
-    with pytest.raises(ValueError, match="found one without a stored matrix"):
-        solve(smooth, np.ones(smooth.shape[0]))

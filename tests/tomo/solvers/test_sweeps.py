@@ -2,8 +2,6 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from tomo.solvers import art, mart, sart, sirt
 
@@ -45,39 +43,6 @@ def _random_system(seed):
 
 def _order(matrix, seed=0):
     return np.random.default_rng(seed).permutation(np.flatnonzero(matrix.any(axis=1)))
-
-
-@settings(max_examples=60)
-@given(
-    seed=st.integers(0, 2**32 - 1),
-    relaxation=st.floats(0.1, 1.9),
-    nonnegative=st.booleans(),
-)
-def test_art_sweeps_as_its_twin_does(projector_of, seed, relaxation, nonnegative):
-    matrix, measured, start = _random_system(seed)
-    found = art(
-        projector_of(matrix),
-        measured,
-        iterations=2,
-        start=start,
-        relaxation=relaxation,
-        nonnegative=nonnegative,
-    )
-    expected = start
-    for _ in range(2):
-        expected = art_twin(matrix, measured, _order(matrix), relaxation, nonnegative, expected)
-    np.testing.assert_allclose(found.volume.ravel(), expected, rtol=1e-4, atol=1e-4)
-
-
-@settings(max_examples=60)
-@given(seed=st.integers(0, 2**32 - 1), relaxation=st.floats(0.1, 1.0))
-def test_mart_sweeps_as_its_twin_does(projector_of, seed, relaxation):
-    matrix, measured, start = _random_system(seed)
-    found = mart(projector_of(matrix), measured, iterations=2, start=start, relaxation=relaxation)
-    expected = start
-    for _ in range(2):
-        expected = mart_twin(matrix, measured, _order(matrix), relaxation, expected)
-    np.testing.assert_allclose(found.volume.ravel(), expected, rtol=1e-4, atol=1e-6)
 
 
 @pytest.mark.parametrize(

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from tomo.wernet import Encoder, PaperSettings, WERNet, training, usable_device
-from tomo.wernet.training import JointTraining, part_map, parts_of, step
+from tomo.wernet.training import JointTraining, part_map, parts_of
 
 CPU = torch.device("cpu")
 
@@ -60,28 +60,6 @@ def test_an_exception_in_a_part_is_raised_and_the_number_restored(threads, on_th
             raise KeyError("in the block itself")
         assert torch.get_num_threads() == threads
     assert threading.active_count() == before
-
-
-def test_on_other_devices_parts_follow_one_another():
-    with part_map(torch.device("meta")) as map_parts:
-        found = map_parts(lambda part: threading.current_thread().name, [0, 1])
-    assert found == [threading.current_thread().name] * 2
-
-
-def test_a_step_adds_parts_in_their_order():
-    parameter = torch.nn.Parameter(torch.zeros(1))
-    optimiser = torch.optim.SGD([parameter], lr=1.0)
-
-    def walk(slopes):
-        return step(optimiser, slopes, lambda one: ((one * parameter).sum(), one), part_of)
-
-    def part_of(function, parts):
-        return [function(torch.tensor([part])) for part in parts]
-
-    assert walk([1e8, 1.0, -1e8]).item() == 0.0  # the other order gives 1
-    assert parameter.item() == 0.0
-    assert walk([2.0]).item() == 2.0
-    assert parameter.item() == -2.0  # a gradient is set, not added to the one before
 
 
 @pytest.mark.parametrize("device", ["abacus", "meta", "cuda:99"])
@@ -157,19 +135,3 @@ def test_rates_are_halved_and_frozen_encoders_stay(joint, frozen):
     assert rates == [0.01] if frozen else rates == [0.01, 0.005]
     same = [torch.equal(before[name], value) for name, value in encoder.state_dict().items()]
     assert all(same) if frozen else not any(same)
-
-
-def test_a_training_goes_on_from_its_state_to_the_same_bits(joint):
-    whole, first, second = (
-        joint(Encoder("relative", variant="batch-norm", blocks=1), halve_every=2) for _ in range(3)
-    )
-    whole.run(5, 0.0, lambda history: False)
-    first.run(5, 0.0, lambda history: len(history) == 3)
-    second.load_state_dict(None)
-    assert not second.history
-    second.load_state_dict(first.state_dict())
-    assert second.run(5, 0.0, lambda history: False) == "all 5 epochs done"
-    for name, value in whole.model.state_dict().items():
-        assert torch.equal(second.model.state_dict()[name], value)
-    residuals = [[one.relative_residual for one in each.history] for each in (whole, second)]
-    assert residuals[0] == residuals[1]

@@ -43,11 +43,26 @@ class DeviceProjector(DeviceOperator):
     ``max|y| max_v (A^T 1)_v u < 2^62``: sums are exact, a piece is rounded to half of one.
     """
 
-    def __init__(self, projector: OnTheFlyProjector, device: Device) -> None:
-        rays, is_first, ptr, most = copied_rays(projector, device)
-        voxels = voxels_of(projector.grid, projector.active, device)
-        shared = DeviceRays(rays, is_first, *voxels, abs(most))
-        self._set(projector, device, shared, ptr[:-1], ptr[1:])
+    def __init__(
+        self,
+        projector: OnTheFlyProjector,
+        device: Device,
+        shared: DeviceRays | None = None,
+        spans: tuple[NDArray[np.int64], NDArray[np.int64]] | None = None,
+        seen: tuple[Any, ...] | None = None,
+    ) -> None:
+        most = 0.0
+        if shared is None or spans is None:
+            rays, is_first, ptr, most = copied_rays(projector, device)
+            voxels = voxels_of(projector.grid, projector.active, device)
+            shared, spans = DeviceRays(rays, is_first, *voxels, abs(most)), (ptr[:-1], ptr[1:])
+        self.flying, self.device, self._shared = projector, device, shared
+        self._starts, self._stops = spans  # pixel p has the rays starts[p]:stops[p]
+        seen = seen or tuple(map(device.array, spans))
+        self._seen = np.int64(len(spans[0])), *seen, shared.rays, shared.grid
+        super().__init__(
+            len(spans[0]), projector.grid, projector.view_ptr, np.float32, projector.active
+        )
         if most > 0:  # the sum itself, from a scale by its bound
             self._shared = replace(shared, most=1.001 * self._largest_sum)
 
@@ -74,48 +89,13 @@ class DeviceProjector(DeviceOperator):
             voxels = voxels_of(projector.grid, active, device, range(start, stop))
             shared = DeviceRays(rays, is_first, *voxels, abs(most))
             seen = found[0]._seen[1:3] if found else None
-            slab = cls.__new__(cls)
-            slab._set(projector.through(active), device, shared, ptr[:-1], ptr[1:], seen)
-            found.append(slab)
+            spans = ptr[:-1], ptr[1:]
+            found.append(cls(projector.through(active), device, shared, spans, seen))
         if most > 0:
             most = 1.001 * max(slab._largest_sum for slab in found)
             for slab in found:
                 slab._shared = replace(slab._shared, most=most)
         return found
-
-    @classmethod
-    def _of(
-        cls,
-        projector: OnTheFlyProjector,
-        device: Device,
-        shared: DeviceRays,
-        starts: NDArray[np.int64],
-        stops: NDArray[np.int64],
-    ) -> DeviceProjector:
-        made = cls.__new__(cls)
-        made._set(projector, device, shared, starts, stops)
-        return made
-
-    def _set(
-        self,
-        projector: OnTheFlyProjector,
-        device: Device,
-        shared: DeviceRays,
-        starts: NDArray[np.int64],
-        stops: NDArray[np.int64],
-        seen: tuple[Any, ...] | None = None,
-    ) -> None:
-        """Take the pixels whose rays are ``starts[p]:stops[p]``, those of ``projector``.
-
-        ``seen`` are both on the device, where they are there already.
-        """
-        self.flying, self.device, self._shared = projector, device, shared
-        self._starts, self._stops = starts, stops
-        seen = seen or (device.array(starts), device.array(stops))
-        self._seen = np.int64(len(starts)), *seen, shared.rays, shared.grid
-        super().__init__(
-            len(starts), projector.grid, projector.view_ptr, np.float32, projector.active
-        )
 
     def __repr__(self) -> str:
         """Name the sizes and the device."""
@@ -153,7 +133,7 @@ class DeviceProjector(DeviceOperator):
     def without_absorption(self) -> DeviceProjector:
         """The operator of the same rays through transparent gas."""
         shared = replace(self._shared, gas=(), absorption=())
-        return self._of(self.flying, self.device, shared, self._starts, self._stops)
+        return DeviceProjector(self.flying, self.device, shared, (self._starts, self._stops))
 
     def with_absorption(
         self, absorption: Absorption, emission: NDArray[np.floating] | None = None
@@ -181,7 +161,7 @@ class DeviceProjector(DeviceOperator):
             self._shared.is_first,
         )  # fmt: skip
         shared = replace(self._shared, gas=gas, absorption=(absorption, emission))
-        return self._of(self.flying, self.device, shared, self._starts, self._stops)
+        return DeviceProjector(self.flying, self.device, shared, (self._starts, self._stops))
 
     def rows(self, start: int, stop: int) -> DeviceProjector:
         """Return the projector of pixels ``start:stop`` as one view; rays are shared."""
@@ -193,8 +173,8 @@ class DeviceProjector(DeviceOperator):
     def _part(
         self, flying: OnTheFlyProjector, some: slice | NDArray[np.integer]
     ) -> DeviceProjector:
-        starts, stops = self._starts[some], self._stops[some]
-        return self._of(flying, self.device, self._shared, starts, stops)
+        spans = self._starts[some], self._stops[some]
+        return DeviceProjector(flying, self.device, self._shared, spans)
 
     def forward(self, x: Any) -> Any:
         """Return the images ``(pixels, columns)`` of unknowns ``(unknowns, columns)``."""
