@@ -33,12 +33,8 @@ def left_in_groups(root: Path = _ROOT, own: Path = _OWN) -> int | None:
 
     None where no group sets a limit, or there are none.
 
-    Parameters
-    ----------
-    root : Path
-        The folder under which hierarchies are mounted.
-    own : Path
-        The file that names the groups of the process.
+    ``root`` is the folder under which hierarchies are mounted, ``own`` the file that names the
+    groups of the process.
     """
     left = (_left_in(folder) for folder in _groups(root, own))
     return min((one for one in left if one is not None), default=None)

@@ -25,11 +25,8 @@ WORTH_WAKING = 100_000.0
 def threads_worth(nanoseconds: float) -> Iterator[None]:
     """Limit parallel loops in the block to as many threads as their work is worth.
 
-    Parameters
-    ----------
-    nanoseconds : float
-        Rough time of one parallel loop on one thread. Results must not depend on the number of
-        threads, as with every kernel here.
+    ``nanoseconds`` is the rough time of one parallel loop on one thread. Results must not
+    depend on the number of threads, as with every kernel here.
     """
     threads = numba.get_num_threads()
     worth = max(1, int(nanoseconds / WORTH_WAKING))

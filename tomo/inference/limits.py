@@ -48,12 +48,9 @@ def detection_limits(found: Inference, draw_null: bool = False) -> DetectionLimi
     A unit of an effect raises its score by ``response / hypot(spread, least)``, and the size that
     raises it to the limit of `tomo.inference.scores.Scores` is returned.
 
-    Parameters
-    ----------
-    draw_null : bool
-        Whether scenes of exact cameras are drawn where no effect was large enough to ask for them.
-        Otherwise the steps of the scene itself stand for theirs, and effects that all views share
-        have no limit.
+    With ``draw_null`` scenes of exact cameras are drawn where no effect was large enough to
+    ask for them. Otherwise the steps of the scene itself stand for theirs, and effects that
+    all views share have no limit.
     """
     steps = Steps(found.state.fits, found.effects, found.state.values)
     sizes, alike = _of_cameras(found, steps, draw_null)

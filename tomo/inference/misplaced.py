@@ -23,11 +23,7 @@ noise: of a thousand blocks of noise one is brighter by 3.3."""
 def is_dark(image: NDArray[np.floating], mask: NDArray[np.bool_], noise: NoiseModel) -> bool:
     """Return whether an image has no light: one value all over, or noise alone.
 
-    Parameters
-    ----------
-    image : (height, width)
-    mask : (height, width) bool
-        True where a pixel is usable.
+    ``mask`` (height, width) is True where a pixel is usable.
     """
     values = image[mask]
     if not len(values) or values.max() == values.min():
@@ -92,10 +88,7 @@ def find_misplaced(
 ) -> Misplaced | None:
     """Return the image in the wrong place, if one of the most doubted views has one.
 
-    Parameters
-    ----------
-    distrust : (views,) float64
-        The fraction of every view's lit pixels that lost their weight.
+    ``distrust`` (views,) is the fraction of every view's lit pixels that lost their weight.
 
     Notes
     -----

@@ -139,11 +139,7 @@ def image_frame(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
     """Return pixel coordinates from the image's middle, in half its shorter side, and that radius.
 
-    Parameters
-    ----------
-    size : (width, height)
-    center : (column, row), optional
-        The point that coordinates count from; the image's middle when None.
+    ``size`` is (width, height), ``center`` the (column, row) that coordinates count from.
     """
     width, height = size
     cx, cy = ((width - 1) / 2, (height - 1) / 2) if center is None else center

@@ -33,10 +33,7 @@ def stated_errors(rig: Rig, grid: VoxelGrid, pixel: float = 1.0) -> NDArray[np.f
     error of the focal length. Where these are missing too it is that of `NOMINAL` for a nominal
     camera, and zero for others.
 
-    Parameters
-    ----------
-    pixel : float
-        Width of a pixel, in those of the images as recorded.
+    ``pixel`` is the width of a pixel, in those of the images as recorded.
     """
     found = []
     for camera, footprint in zip(rig, rig.footprint(grid.center), strict=True):
@@ -176,11 +173,7 @@ def image_motions(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return by how much points' images move: by the parameters of `Pose`, and by the points.
 
-    Parameters
-    ----------
-    points : (N, 3) float64
-    middle : (3,) float64
-        Of the grid.
+    Of points (N, 3), and the ``middle`` (3,) of the grid.
 
     Returns
     -------

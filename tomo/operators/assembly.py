@@ -33,18 +33,9 @@ def trace_cameras(
 ) -> tuple[list[Segments], list[NDArray[np.int64]]]:
     """Return the segments of the cameras' pixels in active voxels, and each camera's pixels.
 
-    Parameters
-    ----------
-    grid : VoxelGrid
-        That of the tracers.
-    usable : sequence of (P_v,) int64
-        For each camera the flat numbers of its usable pixels.
-    tracers : sequence of callable
-        One a thread, from `tomo.trace.tracing`.
-    skip : bool
-        Whether to leave out pixels whose rays meet no active voxel.
-    supersample, aperture_rays : int
-        Rays along each side of a pixel, and over the aperture: see `tomo.rays.Rays.from_camera`.
+    ``usable`` has for each camera the flat numbers of its usable pixels, ``tracers`` one
+    tracer a thread (`tomo.trace.tracing`). ``skip`` leaves out pixels whose rays meet no
+    active voxel. Rays of a pixel are those of `tomo.rays.Rays.from_camera`.
     """
     at_once = max(RAYS_AT_ONCE // rays_of_pixel(supersample, aperture_rays), 1)
     chunks = [

@@ -71,10 +71,7 @@ def _kernel_of(camera: CameraLike, size: float, width: float) -> Kernel:
 def disc_kernel(width: float) -> Kernel:
     """Return the pixels that a disc around a pixel's centre covers, and its fraction in each.
 
-    Parameters
-    ----------
-    width : float
-        Its diameter in pixels; at 0 all light stays in the pixel.
+    ``width`` is its diameter in pixels; at 0 all light stays in the pixel.
 
     Returns
     -------

@@ -179,11 +179,7 @@ class TotalVariationProximal:
     ) -> NDArray[np.float32]:
         """Return nearly the minimum of ``½ (x - c)^T C^-1 (x - c) / stretch + weight TV(x)``.
 
-        Parameters
-        ----------
-        center : (unknowns,) float32
-        steps : int
-            Steps on the dual.
+        By so many ``steps`` on the dual.
         """
         center = self._in_box(center)
         volume = np.zeros_like(center)

@@ -29,10 +29,7 @@ RUN = 3
 def surely_lower(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     """Return whether the sum of ``errors`` is below that of ``others`` by more than chance.
 
-    Parameters
-    ----------
-    errors, others : (blocks,)
-        Squared errors of the same left-out blocks by two models.
+    Both are squared errors (blocks,) of the same left-out blocks, by two models.
 
     Notes
     -----
@@ -56,12 +53,8 @@ def runs_of_pixels(projector: ProjectionOperator) -> NDArray[np.int64]:
 def blocks_to_leave_out(blocks: NDArray[np.int64], number: int = 0) -> NDArray[np.bool_]:
     """Return which pixels a fold leaves out, ``(pixels,)`` bool.
 
-    Parameters
-    ----------
-    blocks : (pixels,) int
-        The block of each pixel. Its number alone decides, whichever other pixels there are.
-    number : int
-        The fold's; the first ``1 / LEFT_OUT`` folds leave out each block once.
+    The number of a pixel's block alone decides, whichever other pixels there are. The first
+    ``1 / LEFT_OUT`` folds leave out each block once.
     """
     where = golden_ratio_sequence(int(blocks.max(initial=-1)) + 1)[blocks]
     return np.floor(where / LEFT_OUT).astype(np.int64) == number
@@ -161,10 +154,6 @@ def part_to_choose_by(projector: ProjectionOperator, measured: NDArray[np.float3
 
     The slab goes across the axis along which the fewest rays leave it. Light from the rest is
     that of `smooth_start`. Only stored projections can be cut.
-
-    Parameters
-    ----------
-    measured : (pixels,) float32
     """
     wanted = SEGMENTS / max(_segments_of_single_rays(projector), 1)
     if wanted >= 1 or not projector.is_stored:

@@ -19,12 +19,8 @@ _SOLVERS = {"projected_cg": projected_cg, "proximal_gradient": proximal_gradient
 def combined(name: str, summary: str, notes: str) -> Callable[..., Solution]:
     """Return the function of a method of the table: its solver with its prior and defaults.
 
-    Parameters
-    ----------
-    name : str
-        A method whose solver takes a prior.
-    summary, notes : str
-        The function's docstring, above its parameters and below them.
+    ``name`` is a method whose solver takes a prior; ``summary`` and ``notes`` are the
+    function's docstring, above its parameters and below them.
     """
     row = METHODS[name]
     solver = _SOLVERS[row.solver]

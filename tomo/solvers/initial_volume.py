@@ -27,10 +27,7 @@ def mlos_start(
     few rays meet. The mean of a voxel is over the views that see it. The volume reproduces the sum
     of the images.
 
-    Parameters
-    ----------
-    measured : (pixels,) or (pixels, columns)
-        Pixels below zero count as zero.
+    ``measured`` are (pixels,) or (pixels, columns); pixels below zero count as zero.
 
     Notes
     -----

@@ -47,14 +47,7 @@ class Spread:
 def calibrated(first: Spread, second: Spread, active: ActiveVoxels) -> NDArray[np.float64]:
     """Return standard deviations corrected for the bias of the bootstrap on this scene.
 
-    Parameters
-    ----------
-    first : Spread
-        Of repeats around the images.
-    second : Spread
-        Of repeats around one of the first's noisy images.
-    active : ActiveVoxels
-        Where the unknowns are.
+    ``first`` are repeats around the images, ``second`` around one of the first's noisy images.
 
     Returns
     -------

@@ -105,13 +105,8 @@ def deviations_of_pair(
 ) -> NDArray[np.float64]:
     """Return the voxels' standard deviations by noise, ``(nx, ny, nz)``, from one known answer.
 
-    Parameters
-    ----------
-    volume : (nx, ny, nz) float32
-    where : (nx, ny, nz) bool
-        The voxels to learn from.
-    size : float
-        Root mean square of the emission.
+    ``where`` (nx, ny, nz) are the voxels to learn from, ``size`` is the emission's root mean
+    square.
     """
     if np.count_nonzero(where) < FEWEST:
         return np.zeros(volume.shape)

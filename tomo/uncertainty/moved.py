@@ -66,13 +66,8 @@ def solve_moved(
 ) -> Moved:
     """Move a volume, project it, and solve it with noise of either sign.
 
-    Parameters
-    ----------
-    volume : (nx, ny, nz) float32
-    kept : (pixels,) float32
-        Light to add to the part's images: what no volume explains.
-    noise : (pixels,) float64
-        Standard deviation of the part's pixels.
+    ``kept`` (pixels,) is light to add to the part's images, what no volume explains; ``noise``
+    (pixels,) the standard deviation of the part's pixels.
 
     Notes
     -----
@@ -151,15 +146,9 @@ def learned(
 ) -> ErrorPattern:
     """Return the pattern of the errors of some volumes.
 
-    Parameters
-    ----------
-    volumes, errors : sequence of (nx, ny, nz)
-    where : (nx, ny, nz) bool
-        The voxels to learn from.
-    size : float
-        Root mean square of the emission.
-    level : float, optional
-        Fraction of the errors that are to be below the pattern; None: it has their mean square.
+    ``volumes`` and ``errors`` are (nx, ny, nz) each, ``where`` are the voxels to learn from,
+    ``size`` is the emission's root mean square. The fraction ``level`` of the errors is below
+    the pattern; where it is None, the pattern has their mean square.
 
     Notes
     -----

@@ -70,13 +70,7 @@ def slab(
     The slab goes across the axis that the lines of sight are the least along: such rays stay in
     it, and what the views miss of it is what they miss of the volume.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        On voxel means.
-    volume : (nx, ny, nz) float32
-    cuttable : ProjectionOperator
-        The projection in the basis that is solved in.
+    ``system`` is on voxel means, ``cuttable`` the projection in the basis that is solved in.
     """
     sight = coverage(system.rig, np.array([system.projector.grid.center])).directions[0]
     axis = int(np.argmin(np.square(sight).sum(axis=0)))

@@ -97,11 +97,7 @@ def smoothed(
 ) -> NDArray[np.float32]:
     """Return pixels blurred within their images, ``(pixels,)``; untraced pixels are ignored.
 
-    Parameters
-    ----------
-    pixels : (pixels,) float32
-    width : float
-        Standard deviation of the Gaussian in pixels.
+    ``width`` is the Gaussian's standard deviation in pixels.
     """
     from scipy.ndimage import gaussian_filter
 

@@ -211,16 +211,9 @@ class EncoderTraining:
     ) -> float:
         """Train for one outer iteration with the voxels fixed; return the mean loss.
 
-        Parameters
-        ----------
-        number : int
-            Number of the outer iteration, from 0.
-        rays : Rays
-            With the emission before each segment.
-        volume : (unknowns,) float32
-            The means of the voxels.
-        offset : (rays,) float32
-            What the prediction of each pixel has beside the sum over its segments.
+        ``number`` counts outer iterations from 0. ``rays`` have the emission before each
+        segment, ``volume`` (unknowns,) are the means of the voxels, and ``offset`` (rays,)
+        is what the prediction of each pixel has beside the sum over its segments.
         """
         settings, place = self.settings, rays.length.device
         cosine = 0.5 * (1 + math.cos(math.pi * min(number / self.iterations, 1.0)))

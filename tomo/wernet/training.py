@@ -88,13 +88,8 @@ def step(
 ) -> torch.Tensor:
     """Take a step down the sum of a loss over parts; return the sum of what is reported of it.
 
-    Parameters
-    ----------
-    optimiser : torch.optim.Optimizer
-        Its groups hold the parameters to train.
-    parts : iterable of RayBatch
-    loss_of : callable
-        The loss of a part, and what is to be reported of it.
+    The optimiser's groups hold the parameters to train; ``loss_of`` returns the loss of a
+    part, and what is to be reported of it.
     """
     trained = [one for group in optimiser.param_groups for one in group["params"]]
 

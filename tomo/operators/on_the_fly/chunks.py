@@ -82,11 +82,7 @@ class Chunk:
 def chunks_of(sources: Sequence[PixelSource], wanted: Sequence[bool]) -> Iterator[Chunk]:
     """Iterate over the pixels of the wanted sources, at most `RAYS_AT_ONCE` rays at a time.
 
-    Parameters
-    ----------
-    sources : sequence of PixelSource
-        Their pixels, one source after another, are those of a projector.
-    wanted : sequence of bool
+    The pixels of ``sources``, one source after another, are those of a projector.
     """
     parts: list[tuple[PixelSource, int, int]] = []
     spans: list[tuple[int, int]] = []
@@ -117,13 +113,8 @@ def project_groups(
 ) -> None:
     """Call visitors for groups of chunks, on all threads; one group stays on one thread.
 
-    Parameters
-    ----------
-    groups : sequence of (anything, chunks)
-        A group's key and its chunks; a chunk may be in several groups.
-    axes : (int, int, int)
-    visitor : callable
-        Called with a group's key; returns the function to call for its chunks.
+    A group has a key and chunks, which other groups may have too. ``visitor`` is called with a
+    group's key and returns the function to call for its chunks.
     """
     sources = {source for _, chunks in groups for chunk in chunks for source, _, _ in chunk.parts}
     writers = {source: source.writer(grid, axes) for source in sources}
@@ -214,10 +205,7 @@ class ColumnsMet:
     def even_ranges(self, columns: range, count: int) -> list[tuple[int, int]]:
         """Split ``columns`` into at most ``count`` ranges of about equal work.
 
-        Parameters
-        ----------
-        columns : range
-            Along b, one at least.
+        Of one column along b at least.
         """
         low, high = columns[0], columns[-1] + 1
         done = np.cumsum(self.rays[low:high] + 1)  # one more: columns no ray meets take work, too

@@ -128,16 +128,8 @@ def add_differences(
 ) -> None:
     """Add to a flat volume the transpose of `running_sums` of some columns.
 
-    Parameters
-    ----------
-    differences : (columns * n_c * (n_a + 1), or more) uint64
-        Whole numbers, negative ones as their complement.
-    shape, axes : (int, int, int)
-    columns : range
-        Along b, those of ``differences``.
-    unit : float
-        The value of one whole number.
-    volume : (voxels,) float32 or float64
+    ``differences`` (columns * n_c * (n_a + 1), or more) are whole numbers of the value
+    ``unit``, negative ones as their complement, of the ``columns`` along b.
     """
     walk = _walk(shape, axes, len(columns))
     start = columns[0] * _strides(shape, axes)[1]
