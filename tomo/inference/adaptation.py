@@ -46,12 +46,8 @@ WIDER = 2
 class Adaptation:
     """How effects are let loose.
 
-    Parameters
-    ----------
-    observations : sequence of Observation
-        One a frame, as recorded.
-    held : collection of str
-        Effects that were let loose in some views for the asking: the others hold the scene.
+    ``observations`` are one a frame, as recorded. Effects that are ``held`` were let loose in
+    some views for the asking: the others hold the scene.
     """
 
     def __init__(

@@ -91,14 +91,9 @@ def feasible(z: Unknowns) -> Unknowns:
 class OwnColumns:
     """Columns ``T`` of the parameters that each view has for itself.
 
-    Parameters
-    ----------
-    values : (k, pixels) float64
-        A column a parameter, of all views: those of each are zero at the pixels of others.
-    view_ptr : (views + 1,) int
-        The first pixel of each view.
-    weights : (pixels,) float64
-        ``W``; products are computed where these are.
+    ``values`` (k, pixels) have a column a parameter, of all views: those of each are zero at
+    the pixels of others. ``weights`` (pixels,) are ``W``; products are computed where these
+    are.
     """
 
     def __init__(self, values: NDArray[np.float64], view_ptr: NDArray, weights: Any) -> None:

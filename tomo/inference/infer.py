@@ -36,14 +36,8 @@ ROUNDS = 8
 class Inference:
     """What was found beside the voxels.
 
-    Attributes
-    ----------
-    tested : Scores
-        What the effects were compared with.
-    refined : mapping of str to (views,) bool
-        What was let loose of some views for the asking, and kept.
-    left_out : LeftOut, optional
-        How left-out pixels judge that.
+    ``tested`` is what the effects were compared with, ``refined`` (views,) what was let loose
+    of some views for the asking, and kept; ``left_out`` says how left-out pixels judge that.
     """
 
     effects: tuple[Effect, ...]

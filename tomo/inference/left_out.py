@@ -28,10 +28,8 @@ pixels are not found, which gains make good; more, gains are taken that stand fo
 class LeftOut:
     """How fits predict pixels that were left out of them, before a correction and after it.
 
-    Attributes
-    ----------
-    before, after : (squares,) float64
-        Squared errors over the images' mean square, summed over each square and all frames.
+    Both are squared errors (squares,) over the images' mean square, summed over each square
+    and all frames.
     """
 
     before: NDArray[np.float64]

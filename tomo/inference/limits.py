@@ -29,12 +29,9 @@ CONFUSED = 0.8
 class DetectionLimits:
     """The smallest effects that would be noticed.
 
-    Attributes
-    ----------
-    sizes : mapping of (str, str) to (views,) float64
-        By effect and parameter, in the parameter's own unit; infinite where images never tell.
-    alike : tuple of (str, str)
-        Effects that images do not tell apart: the first may be taken for the second.
+    ``sizes`` (views,) are by effect and parameter, in the parameter's own unit; infinite where
+    images never tell. Effects that are ``alike`` images do not tell apart: the first may be
+    taken for the second.
     """
 
     cameras: tuple[str, ...]

@@ -68,12 +68,7 @@ TURNS: Mapping[str, Callable[[NDArray], NDArray]] = {
 class Misplaced:
     """An image that is not that of its camera as it is.
 
-    Attributes
-    ----------
-    turned : str
-        A key of `TURNS`; empty for another camera's image.
-    other : int, optional
-        The camera whose image it is.
+    ``turned`` is a key of `TURNS`, empty for another camera's image; ``other`` is that camera.
     """
 
     view: int

@@ -80,12 +80,7 @@ DETAIL = 0.3
 class Steps:
     """One step of every effect from the fits of some frames, each found when it is asked for.
 
-    Parameters
-    ----------
-    fits : sequence of Fit
-        One a frame.
-    values : mapping
-        What was corrected already: priors hold for the sum.
+    There is a fit a frame; ``values`` are what was corrected already: priors hold for the sum.
     """
 
     def __init__(self, fits: Sequence[Fit], effects: Sequence[Effect], values: Values) -> None:
@@ -136,10 +131,7 @@ class Steps:
 class Null:
     """Steps on scenes like those found, seen by exact cameras through the known gas.
 
-    Parameters
-    ----------
-    steps : Steps
-        Those of the scene itself.
+    ``steps`` are those of the scene itself.
     """
 
     def __init__(self, steps: Steps, active: ActiveVoxels | None) -> None:

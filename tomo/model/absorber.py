@@ -178,11 +178,7 @@ class Absorber:
     ) -> tuple[float, str]:
         """Return the largest optical depth before the flame, and where the gas is in words.
 
-        Parameters
-        ----------
-        values : (nodes,)
-        light : (nx, ny, nz)
-            Emission in the voxels of a grid of the same box.
+        ``light`` (nx, ny, nz) is the emission in the voxels of a grid of the same box.
 
         Notes
         -----

@@ -35,20 +35,11 @@ def transmission(
 ) -> NDArray[np.floating]:
     """Return the fraction of the light of every segment that leaves the grid: ``(segments,)``.
 
-    Parameters
-    ----------
-    segments : Segments
-        The segments of ``rays``, with midpoints.
-    rays : Rays
-        Paths from the camera on; none of weight zero. The segments have one piece a row.
-    absorption, self_absorption : float
-        ``k`` in 1 / length and ``q`` in 1 / (emission * length).
-    emission : (voxels,), optional
-        ``E`` of every voxel number of the segments; needed where ``q`` is not zero.
-    extinction : (voxels,), optional
-        ``k_n`` of every voxel number of the segments, in 1 / length.
-    outside : (pieces, 2), optional
-        Optical depth of each piece before it enters the grid, and after it leaves it.
+    ``segments`` are those of ``rays``, with midpoints and one piece a row; rays are paths from the
+    camera on, none of weight zero. ``absorption`` is ``k`` in 1 / length, ``self_absorption`` ``q``
+    in 1 / (emission * length). ``emission`` (voxels,) is needed where ``q`` is not zero, and
+    ``extinction`` (voxels,) is in 1 / length. ``outside`` (pieces, 2) are the optical depths of
+    each piece before it enters the grid, and after it leaves it.
 
     Notes
     -----

@@ -26,11 +26,7 @@ Kernel = tuple[NDArray[np.int64], NDArray[np.float32]]
 class Places:
     """Where the entries of a flat vector of pixels lie in the images, ``(n,)`` each.
 
-    Attributes
-    ----------
-    view, row, column : (n,) int64
-    seen : (n,) bool
-        False for entries that neither give nor receive light.
+    Entries that are not ``seen`` neither give nor receive light.
     """
 
     view: NDArray[np.int64]

@@ -144,10 +144,8 @@ class LinearSystem:
     def with_lens_blur(self, diameter: float) -> LinearSystem:
         """Return the same equations for lenses out of focus.
 
-        Parameters
-        ----------
-        diameter : float
-            Diameter of the disc at the grid's centre, see `tomo.operators.lens_blur`.
+        ``diameter`` is that of the disc at the grid's centre, see
+        `tomo.operators.lens_blur`.
 
         Raises
         ------
@@ -162,12 +160,8 @@ class LinearSystem:
     ) -> LinearSystem:
         """Return the same equations for emission that is linear between voxel centres.
 
-        Parameters
-        ----------
-        supersample : int
-            Rays along each side of a pixel that the equations were made with.
-        variances : sequence of float, optional
-            For each camera the variance of a further blur of its image, in squared pixels.
+        ``supersample`` is that of the equations. ``variances`` are those of a further blur
+        of each camera's image, in squared pixels.
 
         Raises
         ------
@@ -232,12 +226,8 @@ class LinearSystem:
     ) -> ProjectionOperator:
         """Return the change of the pixels by extinction in every voxel, ``(pixels, voxels)``.
 
-        Parameters
-        ----------
-        absorption, volume
-            See `with_absorption`; of the gas that the equations have.
-        unknowns : (unknowns,)
-            Whose light is dimmed.
+        Of the gas that the equations have, see `with_absorption`; ``unknowns`` is whose
+        light is dimmed.
 
         Notes
         -----
@@ -300,10 +290,7 @@ class LinearSystem:
     def blocks(self, edge: float) -> NDArray[np.int64]:
         """Return a number for each pixel that takes part: that of its square block, ``(pixels,)``.
 
-        Parameters
-        ----------
-        edge : float
-            Edge of a block, in voxels at the grid's centre; at least a pixel.
+        ``edge`` is that of a block, in voxels at the grid's centre; at least a pixel.
         """
         grid = self.projector.grid
         across = edge * max(grid.spacing) / self.rig.footprint(grid.center)  # pixels, (cameras,)
@@ -312,10 +299,7 @@ class LinearSystem:
     def squares(self, sides: Sequence[int]) -> NDArray[np.int64]:
         """Return the number of the square that each pixel that takes part lies in, ``(pixels,)``.
 
-        Parameters
-        ----------
-        sides : sequence of int
-            Pixels along each side of a square, one number a camera.
+        ``sides`` are the pixels along each side of a square, one number a camera.
 
         Notes
         -----

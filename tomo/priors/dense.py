@@ -37,11 +37,7 @@ def transposed_differences(field: Any, factors: list[float]) -> Any:
 class DenseVariationProximal:
     """The proximal map of total variation, see `TotalVariationProximal`.
 
-    Parameters
-    ----------
-    factors : list of float
-        Those of `Gradient`.
-    inverse : (unknowns,) float32
+    ``factors`` are those of `Gradient`, ``inverse`` is (unknowns,) float32.
     """
 
     def __init__(

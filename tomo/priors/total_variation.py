@@ -145,10 +145,7 @@ class TotalVariation:
 class TotalVariationProximal:
     """The proximal map of total variation by fast gradient projection on the dual.
 
-    Parameters
-    ----------
-    inverse : (unknowns,) float32
-        ``C``, the inverse of the diagonal metric of the proximal map.
+    ``inverse`` (unknowns,) is ``C``, the inverse of the map's diagonal metric.
 
     Notes
     -----

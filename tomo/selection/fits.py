@@ -50,12 +50,8 @@ class Fit:
 class Fits:
     """The folds that compare settings, and the fits so far.
 
-    Attributes
-    ----------
-    folds : sequence of Fold
-        None of them where no pixel can be left out: every setting is as good then.
-    total : int
-        Fits that the progress counts to.
+    There are no ``folds`` where no pixel can be left out: every setting is as good then.
+    ``total`` are the fits that the progress counts to.
     """
 
     folds: Sequence[Fold]

@@ -137,11 +137,7 @@ MOSTLY = 0.5
 class Part:
     """The equations of a part of the volume, light of the rest taken away.
 
-    Attributes
-    ----------
-    measured : (pixels,) float32
-    pixels : (pixels,) int64
-        Which of all pixels these are.
+    ``pixels`` says which of all pixels these are.
     """
 
     projector: ProjectionOperator

@@ -34,10 +34,7 @@ RIDGE = 1e-3
 class Spread:
     """Mean and deviation of the repeats of a solve, voxel by voxel.
 
-    Attributes
-    ----------
-    deviation, mean : (unknowns,) float64
-        Of the repeats.
+    Both are (unknowns,) float64.
     """
 
     deviation: NDArray[np.float64]

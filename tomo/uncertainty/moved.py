@@ -112,14 +112,9 @@ Volume = NDArray[np.floating]
 class ErrorPattern:
     """The size of errors as a product of powers of what describes a voxel.
 
-    Attributes
-    ----------
-    coefficients : (features + 1,) float64
-        The exponents, and the logarithm of the factor.
-    bounds : (2, features) float64
-        The least and the largest logarithms that it was learned from; others are taken for these.
-    size : float
-        Root mean square of the emission.
+    ``coefficients`` (features + 1,) are the exponents, and the logarithm of the factor;
+    ``bounds`` (2, features) the least and the largest logarithms that it was learned from, for
+    which others are taken; ``size`` is the emission's root mean square.
     """
 
     coefficients: NDArray[np.float64]

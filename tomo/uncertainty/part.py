@@ -34,14 +34,8 @@ FACES = 2
 class Part:
     """Some of the unknowns, with the pixels that see them.
 
-    Attributes
-    ----------
-    system : LinearSystem
-        On voxel means.
-    rows : (pixels,) int64, optional
-        Which of all pixels these are; all when None.
-    inside : (nx, ny, nz) bool
-        The voxels where errors count.
+    ``system`` is on voxel means; ``rows`` (pixels,) says which of all pixels these are, all
+    when None; ``inside`` (nx, ny, nz) are the voxels where errors count.
     """
 
     system: LinearSystem

@@ -205,10 +205,7 @@ class AngularCoverage:
 def view_coverage(system: LinearSystem, volume: NDArray[np.float32]) -> AngularCoverage:
     """Return how the views of a system cover its unknowns.
 
-    Parameters
-    ----------
-    volume : (unknowns,) float32
-        The reconstruction, which shows the emitting voxels.
+    ``volume`` (unknowns,) shows the emitting voxels.
     """
     projector = system.projector
     brightest = float(np.max(volume, initial=0.0))

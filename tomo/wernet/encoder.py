@@ -121,12 +121,8 @@ class Encoder(nn.Module):
     def forward(self, features: torch.Tensor, mask: torch.Tensor) -> torch.Tensor:
         """Return a number of every row, ``(rows,)``, zero in the empty ones.
 
-        Parameters
-        ----------
-        features : (rows, F) float
-            Features of packed rays, see `tomo.wernet.rays.RayBatch`.
-        mask : (rows, 1) float
-            One on a segment, zero in an empty row.
+        ``features`` (rows, F) are those of packed rays (`tomo.wernet.rays.RayBatch`);
+        ``mask`` (rows, 1) is one on a segment, zero in an empty row.
         """
         n_rows, padding = len(mask), (0, 0, 0, -len(mask) % ROWS)
         x = features if self.shown is None else features * self.visible

@@ -21,12 +21,8 @@ _ENCODER, _TRAINING = ("wernet-encoder", 4), ("wernet-training", 1)
 def save_encoder(encoder: Encoder, path: str | Path) -> None:
     """Write an encoder with its settings to ``path`` (``.pt``), for `load_encoder`.
 
-    Parameters
-    ----------
-    encoder : Encoder
-        ``Solution.encoder`` of `wernet` or `wernet_paper`.
-    path : path or str
-        An existing file is replaced once the new one is complete.
+    It is ``Solution.encoder`` of `wernet` or `wernet_paper`. An existing file is replaced once
+    the new one is complete.
     """
     state = {name: value.cpu() for name, value in encoder.state_dict().items()}
     _save(path, _ENCODER, {"settings": encoder.settings, "state": state})

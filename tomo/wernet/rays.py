@@ -209,11 +209,7 @@ class Rays:
         It is the sum of ``length x volume`` along the ray from the camera up to the segment's
         middle, over ``unit``.
 
-        Parameters
-        ----------
-        volume : (unknowns,) float32
-        unit : float
-            A typical pixel; above zero.
+        ``unit`` is a typical pixel, above zero.
         """
         light = self.length.cpu() * torch.from_numpy(volume[self.voxel.cpu().numpy()]).double()
         upstream = _up_to_middles(light, self.count.cpu()) / unit
@@ -222,11 +218,8 @@ class Rays:
     def take(self, numbers: torch.Tensor) -> RayBatch:
         """Return some rays, packed.
 
-        Parameters
-        ----------
-        numbers : (B,) int64
-            Numbers from 0 on. Those from ``len(self)`` on are the same rays in the next frame:
-            their voxels are those of a second volume, behind the first, and so on.
+        ``numbers`` (B,) count from 0. Those from ``len(self)`` on are the same rays in the
+        next frame: their voxels are those of a second volume, behind the first, and so on.
         """
         numbers = numbers.to(self.start.device)
         frame, ray = numbers // len(self), numbers % len(self)

@@ -50,11 +50,8 @@ class RayWeights:
     def projector(self, projector: Projector) -> Projector:
         """Return the projector of the same rays with the learned weights.
 
-        Parameters
-        ----------
-        projector : Projector
-            Of these or other views. Its entries are segment lengths and its segments have
-            midpoints; its unknowns are those of ``volume``.
+        The given one, of these or other views, has segment lengths for entries, segments
+        with midpoints, and the unknowns of ``volume``.
         """
         device = self.encoder.last.weight.device
         rays = Rays.of(projector, "optics", device=device, image_scale=self.image_scale)

@@ -54,11 +54,6 @@ def test_a_ray_s_numbers_depend_on_that_ray_alone_but_for_batch_statistics(
     assert (apart < 1e-5) != encoder.couples_rays
 
 
-def test_without_bias_zero_in_is_zero_out(rays):
-    batch = rays.take(torch.arange(5))
-    assert not Encoder("relative", variant="no-bias")(0 * batch.features, batch.mask).any()
-
-
 @pytest.mark.parametrize("dtype", [torch.float32, torch.float64])
 def test_batch_normalisation_is_pytorchs_of_the_rows_of_segments(rays, dtype):
     batch = rays.take(torch.arange(5))
@@ -126,14 +121,6 @@ def test_the_seed_alone_decides_the_initial_weights():
     second, other = Encoder(seed=5).state_dict(), Encoder(seed=6).state_dict()
     assert all(torch.equal(first[name], second[name]) for name in first)
     assert not any(torch.equal(first[name], other[name]) for name in first)
-
-
-@pytest.mark.parametrize("shown", [None, ("depth in the grid",)])
-def test_settings_build_the_same_shape(shown):
-    encoder = Encoder(variant="batch-norm", blocks=3, channels=5, shown=shown)
-    again = Encoder(**encoder.settings)
-    again.load_state_dict(encoder.state_dict())
-    assert again.settings == encoder.settings
 
 
 @pytest.mark.parametrize(

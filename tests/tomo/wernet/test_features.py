@@ -65,16 +65,6 @@ def test_the_unit_of_length_changes_no_feature(scene, factor):
     _same(_optics(other, unit=factor), _optics(one.projector))
 
 
-def test_the_order_of_the_views_changes_no_ray_s_features(scene):
-    one = scene()
-    order = [5, 0, 11, 3]
-    together, other = _optics(one.projector), _optics(one.projector.subset(order))
-    counts = [one.projector.view(v).n_segments for v in range(one.projector.n_views)]
-    first = np.cumsum([0, *counts])
-    expected = np.concatenate([together[first[v] : first[v + 1]] for v in order])
-    _same(other, expected)
-
-
 def test_depth_grows_along_a_ray_from_minus_one_where_it_enters(scene):
     one = scene()
     found = _optics(one.projector)
@@ -161,13 +151,6 @@ def test_the_position_in_the_image_is_symmetric_and_one_at_most(scene):
     column, row = pixels % width, pixels // width
     np.testing.assert_allclose(np.abs(np.corrcoef(column, across[starts])[0, 1]), 1, atol=1e-3)
     np.testing.assert_allclose(np.abs(np.corrcoef(row, up[starts])[0, 1]), 1, atol=1e-3)
-
-
-def test_the_scale_of_positions_may_be_that_of_other_rays(scene):
-    own = RayFeatures.of(scene().projector, "optics")
-    other = RayFeatures.of(scene().projector, "optics", image_scale=2 * own.image_scale)
-    torch.testing.assert_close(2 * other.of_ray[:, 3:5], own.of_ray[:, 3:5])
-    assert other.image_scale == 2 * own.image_scale
 
 
 def test_directions_are_those_of_the_view_s_own_rays():

@@ -291,24 +291,11 @@ def _other_rays(projector, measured):
     return Projector(Segments(s.ptr, s.voxel[::-1].copy(), s.length, s.midpoint), GRID), measured
 
 
-def _other_lengths(projector, measured):
-    s = projector.segments
-    return Projector(Segments(s.ptr, s.voxel, 2 * s.length, s.midpoint), GRID), measured
-
-
-def _other_views(projector, measured):
-    return Projector(projector.segments, GRID, np.array([0, 1000, 2025])), measured
-
-
 OTHERS = {
     "images": (lambda p, m: (p, 1.5 * m), {}),
     "rays": (_other_rays, {}),
-    "lengths": (_other_lengths, {}),
-    "views": (_other_views, {}),
     "seed": (lambda *one: one, {"seed": 1}),
     "network": (lambda *one: one, {"blocks": 2}),
-    "training": (lambda *one: one, {"halve_every": 3}),
-    "signs": (lambda *one: one, {"nonnegative": False}),
 }
 
 
@@ -332,10 +319,8 @@ def test_a_checkpoint_of_another_problem_is_refused(projector, measured, state, 
 
 
 DAMAGE = {
-    "no voxels": lambda state: state["model"].pop("voxels"),
     "voxels of another size": lambda state: state["model"].update(voxels=torch.ones(3)),
     "no optimiser": lambda state: state.pop("optimiser"),
-    "no generator": lambda state: state.update(generator=torch.ones(3)),
     "history of another type": lambda state: state.update(history=3),
 }
 

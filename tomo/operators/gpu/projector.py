@@ -72,10 +72,7 @@ class DeviceProjector(DeviceOperator):
     ) -> list[DeviceProjector]:
         """Return the projectors of slabs of the grid, which share the rays on the device.
 
-        Parameters
-        ----------
-        cuts : sequence of int
-            The first plane of each slab along x, and the number of planes.
+        ``cuts`` are the first plane of each slab along x, and the number of planes.
 
         Notes
         -----
@@ -140,10 +137,7 @@ class DeviceProjector(DeviceOperator):
     ) -> DeviceProjector:
         """Return the operator of the same rays through gas that absorbs.
 
-        Parameters
-        ----------
-        emission : (unknowns,), optional
-            ``E`` of the active voxels; needed where ``absorption.emission`` is not 0.
+        ``emission`` (unknowns,) is needed where ``absorption.emission`` is not 0.
         """
         extinction = np.zeros(self.grid.size)
         outside: Any = NOTHING

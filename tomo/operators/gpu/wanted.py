@@ -24,12 +24,8 @@ logger = logging.getLogger(__name__)
 def device_for(name: str, work: float) -> tuple[CudaDevice | None, str]:
     """Return the device that is asked for and where that is; or None, and why.
 
-    Parameters
-    ----------
-    name : str
-        ``auto`` takes the first device where there is one and the work is worth it.
-    work : float
-        Segments times iterations.
+    ``auto`` takes the first device where there is one and the ``work``, segments times
+    iterations, is worth it.
 
     Raises
     ------
@@ -71,10 +67,7 @@ def taken_to(
 ) -> tuple[ProjectionOperator, str]:
     """Return the same operator on the device that is asked for, or itself, and where that is.
 
-    Parameters
-    ----------
-    name, work
-        See `device_for`.
+    ``name`` and ``work`` as of `device_for`.
 
     Raises
     ------

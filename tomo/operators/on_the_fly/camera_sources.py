@@ -149,14 +149,8 @@ class GeneratedPixels(Averaged):
 
     For cameras without a lens model, whose many rays a pixel would fill the memory.
 
-    Attributes
-    ----------
-    pixels : (P,) int64
-        Flat pixel numbers ``row * width + column``.
-    ptr : (P + 1,) int64
-        Where each pixel's rays begin.
-    supersample, aperture_rays, grid
-        As in `tomo.rays.Rays.from_camera`.
+    ``pixels`` (P,) are flat pixel numbers ``row * width + column``; ``ptr`` (P + 1,) says
+    where each pixel's rays begin. The rest is as in `tomo.rays.Rays.from_camera`.
     """
 
     camera: CameraLike

@@ -39,12 +39,8 @@ Group = TypeVar("Group")
 class Chunk:
     """Some pixels of a projector with their rays.
 
-    Attributes
-    ----------
-    parts : tuple of (source, start, stop)
-        Pixels of sources, one after another.
-    spans : tuple of (start, stop)
-        Which pixels of the projector those of each part are.
+    ``parts`` are pixels of sources, one part after another; ``spans`` say which pixels of the
+    projector those of each part are.
     """
 
     parts: tuple[tuple[PixelSource, int, int], ...]
@@ -136,14 +132,9 @@ def project_groups(
 class CrossingCounts:
     """How many voxels the rays of some pixels cross.
 
-    Attributes
-    ----------
-    slabs : (3,) int64
-        Slabs that rays with driving axis x, y and z pass along it.
-    faces : (3, 3) int64
-        Face crossings of rays with a driving axis (rows) along each other axis (columns).
-    meets : (P,) bool
-        Whether a ray of the pixel meets the grid.
+    ``slabs`` (3,) are those that rays with driving axis x, y and z pass along it, ``faces``
+    (3, 3) their face crossings along each axis (columns). ``meets`` (P,) says whether a ray of
+    the pixel meets the grid.
     """
 
     slabs: NDArray[np.int64]
@@ -180,12 +171,8 @@ MARGIN = 1e-6
 class ColumnsMet:
     """The columns along b that rays with one driving axis meet.
 
-    Attributes
-    ----------
-    spans : (chunks, 2) int64
-        First column that a chunk's rays meet and the one after the last; zeros where none do.
-    rays : (n_b,) int64
-        Rays that meet each column.
+    ``spans`` (chunks, 2) are the first column that a chunk's rays meet and the one after the
+    last; zeros where none do. ``rays`` (n_b,) counts the rays that meet each column.
     """
 
     spans: NDArray[np.int64]

@@ -25,12 +25,8 @@ from tomo.rays import Rays
 class PixelRuns:
     """Pixel numbers in any order, stored as runs that ascend by one.
 
-    Attributes
-    ----------
-    first : (R,) int32 or int64
-        The number with which each run begins.
-    ptr : (R + 1,) int32 or int64
-        How many numbers stand before each run, and in all.
+    ``first`` (R,) are the numbers with which the runs begin; ``ptr`` (R + 1,) says how many
+    numbers stand before each run, and in all.
     """
 
     first: NDArray[np.integer]

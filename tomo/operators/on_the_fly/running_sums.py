@@ -39,14 +39,9 @@ class _Walk(NamedTuple):
 
     Columns are taken side by side along whichever of b and c has its voxels nearer together.
 
-    Attributes
-    ----------
-    shape : (int, int, int)
-        Numbers along a, along the other of b and c, and along the one side by side.
-    voxel : (int, int, int)
-        Strides of the volume along them.
-    column : (int, int)
-        Columns from one to the next along the two.
+    ``shape`` are the numbers along a, along the other of b and c, and along the one side by
+    side; ``voxel`` the strides of the volume along them; ``column`` the columns from one to
+    the next along the two.
     """
 
     shape: tuple[int, int, int]

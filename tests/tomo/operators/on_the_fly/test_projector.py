@@ -290,12 +290,6 @@ def test_pixels_that_are_not_finite_reach_the_voxels_that_they_see_alone(values,
     np.testing.assert_allclose(found, expected, rtol=1e-5)  # what is not finite alike
 
 
-def test_no_light_is_back_projected_to_nothing():
-    grid = VoxelGrid((4, 4, 4), 1.0)
-    flying = OnTheFlyProjector(random_rays(grid, 20, 17), grid)
-    assert not (flying.T @ np.zeros(20)).any()
-
-
 @pytest.mark.parametrize("scale", [1e-295, 1e-40, 1e30, 1e290])
 def test_back_projections_of_the_faintest_and_the_brightest_images_scale(scale):
     grid = VoxelGrid((4, 4, 4), 1.0)
