@@ -36,10 +36,10 @@ def transmission(
     """Return the fraction of the light of every segment that leaves the grid: ``(segments,)``.
 
     ``segments`` are those of ``rays``, with midpoints and one piece a row; rays are paths from the
-    camera on, none of weight zero. ``absorption`` is ``k`` in 1 / length, ``self_absorption`` ``q``
-    in 1 / (emission * length). ``emission`` (voxels,) is needed where ``q`` is not zero, and
-    ``extinction`` (voxels,) is in 1 / length. ``outside`` (pieces, 2) are the optical depths of
-    each piece before it enters the grid, and after it leaves it.
+    camera on, none of weight zero. ``absorption`` is ``k``, in 1 / length, ``self_absorption`` is
+    ``q``, in 1 / (emission * length). ``emission`` (voxels,) is needed where ``q`` is not zero,
+    and ``extinction`` (voxels,) is in 1 / length. ``outside`` (pieces, 2) are the optical depths
+    of each piece before it enters the grid, and after it leaves it.
 
     Notes
     -----

@@ -13,7 +13,6 @@ from tomo.inference.state import State
 from tomo.model import Gain, Pose
 
 FOOTPRINT = 0.6
-ALL = np.full(6, True)
 
 
 def with_cameras(observation, cameras):

@@ -18,7 +18,6 @@ MULTIPLICATIVE = ("mart", "mlem", "smart")
 RELAXED = ("art", "mart", "sart", "sirt", "smart")
 ADDITIVE = tuple(name for name in solvers.METHODS if name not in MULTIPLICATIVE)
 SMOOTHING = ("curvature", "tikhonov", "tv")
-WEIGHTED = ("cgls", "curvature", "l1", "nnls", "sirt", "tikhonov", "tv")
 CASES = [(name, {}) for name in solvers.METHODS] + [
     ("cgls", {"strength": 0.01}),
     ("mlem", {"subsets": 4}),

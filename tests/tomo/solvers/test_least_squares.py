@@ -10,7 +10,6 @@ from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.priors import Gradient, TotalVariation
 
 WEIGHTED = ("cgls", "curvature", "nnls", "sirt", "tikhonov", "tv")
-ENOUGH = {"cgls": 60, "curvature": 200, "nnls": 100, "sirt": 4000, "tikhonov": 200, "tv": 2000}
 
 
 @pytest.fixture(scope="module")

@@ -30,17 +30,6 @@ def mart_twin(matrix, measured, order, relaxation, x):
     return x
 
 
-def _random_system(seed):
-    random = np.random.default_rng(seed)
-    pixels, voxels = random.integers(1, 9, 2)
-    matrix = random.uniform(0.1, 2, (pixels, voxels)) * (random.random((pixels, voxels)) < 0.5)
-    matrix = matrix.astype(np.float32).astype(np.float64)
-    measured = random.uniform(-0.2, 3, pixels).astype(np.float32)
-    measured[random.random(pixels) < 0.2] = 0
-    start = random.uniform(0.1, 2, voxels).astype(np.float32)
-    return matrix, measured, start
-
-
 def _order(matrix, seed=0):
     return np.random.default_rng(seed).permutation(np.flatnonzero(matrix.any(axis=1)))
 
