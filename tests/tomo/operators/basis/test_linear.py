@@ -154,7 +154,7 @@ def test_rows_sum_to_one_at_the_images_edge_and_next_to_bad_pixels():
     sums = blur @ np.ones(blur.shape[1])
     np.testing.assert_allclose(sums, system.projector.row_sums > 0, rtol=1e-6)
     assert min(weight.min() for _, weight in blur.kernels) > 0
-    assert (blur.own >= 0).all()
+    assert blur.own.min() > -1e-6  # the rest to one, rounded
 
 
 @pytest.mark.parametrize("footprint", [0.05, 0.3])
