@@ -95,20 +95,15 @@ class GaussianBlobs:
     def line_integral(
         self, origins: ArrayLike, directions: ArrayLike, lengths: ArrayLike = np.inf
     ) -> NDArray[np.float64]:
-        """Return the exact integral along straight lines that start at ``origins``.
+        """Return the exact integral along straight lines that start at ``origins`` ``(..., 3)``.
 
         With ``t`` the distance along the line to the point nearest to a blob and ``b`` the
         distance between them there, a blob of width ``s`` and amplitude ``a`` adds::
 
             a exp(-b² / 2s²) s √(π/2) [erf((length - t) / (√2 s)) + erf(t / (√2 s))]
 
-        Parameters
-        ----------
-        origins, directions : (..., 3)
-            World coordinates; directions are normalised here.
-        lengths : (...)
-            Lengths of the lines, >= 0; infinite by default. For a whole line, start it far outside
-            the blobs.
+        Directions ``(..., 3)`` are normalised here. Lines end after ``lengths`` ``(...)``; for a
+        whole line, start it far outside the blobs.
 
         Raises
         ------

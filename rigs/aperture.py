@@ -106,14 +106,9 @@ class Aperture:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the rays over the aperture of lines of sight, in the medium of the camera.
 
-        Parameters
-        ----------
-        camera : CameraLike
-            A camera that looks straight; its `position` and `R` place the pupil.
-        origins, directions : (N, 3) float64
-            Lines of sight of the camera, as of ``camera.rays``.
-        points : (N, M, 2) float64
-            Points of the unit disc, right and down: the pupil's, in units of its radius.
+        ``camera`` looks straight; its `position` and `R` place the pupil. ``origins, directions``
+        ``(N, 3)`` are its lines of sight; ``points`` ``(N, M, 2)`` of the unit disc, right and
+        down, those of the pupil in units of its radius.
 
         Returns
         -------

@@ -90,13 +90,7 @@ def with_images_changed(rig: Rig, changes: Mapping[str, ImageChange]) -> Rig:
 
 
 def with_cameras(rig: Rig, names: Mapping[str, str]) -> Rig:
-    """Return the rig of the cameras named, in the rig's order, under new names.
-
-    Parameters
-    ----------
-    rig : Rig
-    names : mapping of str to str
-        New names of the cameras to keep, by their old ones.
+    """Return the rig of the cameras named, in the rig's order, under new names by their old ones.
 
     Raises
     ------

@@ -12,12 +12,7 @@ def check_figures(owner: Any, name: str, is_right: Callable[[float], bool], expe
     """Make the numbers of a frozen dataclass plain floats, so that values compare and hash.
 
     None stays. ``is_right`` says whether a finite number is in range, ``expected`` the same in
-    words, ``name`` what files call the whole.
-
-    Raises
-    ------
-    ValueError
-        One line that names the first figure that is no such number.
+    words, ``name`` what files call the whole; one line names the first that is no such number.
     """
     for field in fields(owner):
         found = getattr(owner, field.name)

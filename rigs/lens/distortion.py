@@ -80,19 +80,11 @@ class Distortion:
         object.__setattr__(self, "coefficients", coefficients)
 
     def project(self, points: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-        """Return the image plane coordinates of ``points``, and their validity.
+        """Return the image plane coordinates ``(N, 2)`` of points ``(N, 3)``, and their validity.
 
-        Parameters
-        ----------
-        points : (N, 3) float64
-            In the camera's axes: x right, y down, z forward.
-
-        Returns
-        -------
-        plane : (N, 2) float64
-            Image coordinates in focal lengths; NaN where not valid.
-        valid : (N,) bool
-            Inside the lens's domain (and in front of the camera, except for a fisheye).
+        Points are in the camera's axes: x right, y down, z forward. Coordinates are in focal
+        lengths, NaN where not valid: outside the lens's domain, or behind the camera, except for a
+        fisheye.
         """
         if self.model == "fisheye":
             return _project_fisheye(self.coefficients, points)

@@ -239,11 +239,8 @@ def write_mesh(mesh: Mesh, path: str | os.PathLike) -> None:
 def check_scene(scene: Scene, rig: Rig) -> None:
     """Raise if a scene cannot stand in front of a rig's cameras.
 
-    Raises
-    ------
-    ValueError
-        If glass reaches into the volume, or the sizes differ as by a wrong unit. A camera in a
-        solid is found by `rigs.scene.SceneCamera`.
+    That is where glass reaches into the volume, or the sizes differ as by a wrong unit. A camera
+    in a solid is found by `rigs.scene.SceneCamera`.
     """
     if not scene.solids:
         return

@@ -40,7 +40,6 @@ def visual_hull(
 
     Parameters
     ----------
-    cameras : sequence of CameraLike
     silhouettes : sequence of (height, width) bool
         True where a pixel sees the thing, one image a camera.
     grid : VoxelGrid

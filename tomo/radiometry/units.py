@@ -108,16 +108,9 @@ def images_to_volume(
 ) -> float:
     """Return the factor from a radiance to an integral of emission along a line.
 
-    Parameters
-    ----------
-    radiance : LightUnit
-        Unit of the images.
-    emission : LightUnit
-        Unit of the volume.
-    length_unit : str
-        Unit of the lengths along a ray: the integral is in ``emission`` times it.
-    wavelength : float, optional
-        In nm; needed between watts and photons.
+    ``radiance`` is the unit of the images, ``emission`` that of the volume, ``length_unit`` that
+    of lengths along a ray: the integral is in ``emission`` times it. The wavelength, in nm, is
+    needed between watts and photons.
 
     Raises
     ------

@@ -131,14 +131,9 @@ def index_by_speed(w, spacing) -> float:
 def step(coefficients, halvings, medium, spacing, q, w, room) -> float:
     """Move a ray to the next face of a cell, or of its parts; return the time that it takes.
 
-    Parameters
-    ----------
-    coefficients, halvings, medium, spacing
-        See `rigs.scene.gas.follow`.
-    q, w : (3,)
-        Position and velocity in voxel units, overwritten.
-    room : (5, 3), (6, 4)
-        The accelerations of both stages, a guess that is overwritten; working memory.
+    ``q, w`` (3,) are position and velocity in voxel units, overwritten; ``room`` (5, 3), (6, 4)
+    holds the accelerations of both stages, a guess that is overwritten, and working memory. For
+    the others see `rigs.scene.gas.follow`.
 
     Notes
     -----
