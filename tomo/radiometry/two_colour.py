@@ -16,7 +16,7 @@ SECOND_CONSTANT = h * c / k * 1e9
 
 
 def planck_radiance(wavelength: ArrayLike, temperature: ArrayLike) -> NDArray[np.float64]:
-    """Return a black body's spectral radiance in W/m^2/sr/nm, wavelengths in nm, temperatures in K.
+    """Return a black body's radiance in W/m^2/sr/nm at wavelengths in nm, temperatures in K.
 
     Notes
     -----
