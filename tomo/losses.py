@@ -260,10 +260,7 @@ class Poisson:
         self._per_column, self._missing = (like(one, measured) for one in parts)
 
     def factor(self, projected: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Return the factor of every unknown, ``(unknowns,)``, at ``A x``, ``(pixels,)``.
-
-        Of each column where the images have columns.
-        """
+        """Return the factor of every unknown, of each column, at ``A x``, ``(pixels, ...)``."""
         seen = self.projector.T @ ratio(self.counts, projected)
         return beside(self._per_column, seen) * (seen + beside(self._missing, seen))
 

@@ -225,15 +225,13 @@ def dimmed(
     absorption: Absorption,
     volume: NDArray[np.floating],
     emission: NDArray[np.floating] | None = None,
-    *,
-    tracer: str = "march",
 ) -> Tracer:
     """Return the tracer whose lengths are the change of a pixel by more extinction in a voxel.
 
     ``volume`` (voxels,) are the unknowns whose light is dimmed by more than the gas that is there
     already; ``emission`` (voxels,) as of `attenuating`.
     """
-    follow = _followed(grid, absorption, emission, tracer, None)
+    follow = _followed(grid, absorption, emission, "march", None)
 
     def traced(rays: Rays) -> Segments:
         plain, arriving = follow(rays)

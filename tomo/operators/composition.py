@@ -228,11 +228,7 @@ class BasisProjector(_OfRays, ArrayProducts):
     def _rmatvec(self, y: NDArray) -> NDArray:
         return self.to_voxels_adjoint(self.projector.T @ y.ravel())
 
-    def _matmat(self, x: NDArray) -> NDArray:
-        return self.projector @ self.to_voxels(x)
-
-    def _rmatmat(self, y: NDArray) -> NDArray:
-        return self.to_voxels_adjoint(self.projector.T @ y)
+    _matmat, _rmatmat = product_there, transposed_product_there
 
     @property
     def _inner(self) -> ProjectionOperator:
