@@ -24,8 +24,7 @@ from rigs.rig import Rig
 
 POSE = ["QW", "QX", "QY", "QZ", "TX", "TY", "TZ"]
 _NUMBERS = {number: name for name, (number, _, _) in MODELS.items()}
-_LONGEST_NAME = 4096  # bytes of an image's path; Linux allows no longer one
-_POINT = 24  # bytes of an image point: two float64 and the number of its 3-D point
+_POINT = struct.calcsize("<2dQ")  # an image point, and the number of its 3-D point
 _KINDS = {0: "CAMERA", 1: "IMU"}  # of sensors; other numbers are written as they are
 
 
@@ -69,8 +68,6 @@ def _image(stream: BinaryIO) -> Iterator[str]:
     name = bytearray()
     while (byte := stream.read(1)) not in (b"\0", b""):
         name += byte
-        if len(name) > _LONGEST_NAME:
-            raise ValueError(f"image {key}: NAME: found more than {_LONGEST_NAME} bytes")
     (points,) = _unpacked(stream, "Q")
     here = stream.tell()
     if points * _POINT > stream.seek(0, 2) - here:

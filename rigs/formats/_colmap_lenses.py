@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
-from rigs.formats._lens_rays import behind_fisheye, check_table_size, sphere, table_of
+from rigs.formats._lens import behind_fisheye, check_table_size, sphere, table_of
 from rigs.formats._values import as_count, errors_of, numbers_of_line, one_of
 from rigs.geometry.image_checks import pixel_centres
 from rigs.lens import Distortion

@@ -13,7 +13,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import LensCamera
 from rigs.files.text import shortened
 from rigs.formats._lens import named_model, refuse_skew
-from rigs.formats._values import one_of, rotation_of_motion
+from rigs.formats._values import as_number, one_of, required, rotation_of_motion
 from rigs.lens import Distortion
 
 _RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
@@ -48,11 +48,8 @@ def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
     cx = _number(values, "cx", width / 2) - 0.5  # the format's pixel centres are at halves
     cy = _number(values, "cy", height / 2) - 0.5
     K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
-    try:
-        size = (int(width), int(height))
-        return Camera("entry", size, K, distortion, R, t, status="calibrated")
-    except ValueError as error:
-        raise ValueError(str(error).removeprefix("camera entry: ")) from None
+    size = (int(width), int(height))
+    return Camera("entry", size, K, distortion, R, t, status="calibrated")
 
 
 def camera_entry(camera: LensCamera) -> dict[str, Any]:
@@ -131,17 +128,10 @@ def _from_angle(values: Mapping[str, Any], key: str, size: float) -> float:
 
 
 def _number(values: Mapping[str, Any], key: str, default: float | None = None) -> float:
-    """Return the finite number under ``key``."""
-    found = values.get(key, default)
-    if found is None:
-        raise ValueError(f"{key}: missing, expected a number")
-    try:
-        number = math.nan if isinstance(found, (bool, str)) else float(found)
-    except (TypeError, ValueError, OverflowError):
-        number = math.nan
-    if not math.isfinite(number):
-        raise ValueError(f"{key}: found {shortened(found)}, expected a finite number")
-    return number
+    """Return the number under ``key``."""
+    if default is not None and key not in values:
+        return default
+    return as_number(required(values, key), key)
 
 
 def _positive(values: Mapping[str, Any], key: str) -> float:

@@ -28,6 +28,7 @@ from rigs.formats._values import (
 )
 from rigs.geometry.rotation import matrix_of_vector
 
+SUFFIXES = (".yml", ".yaml", ".json", ".xml")
 MATRIX = ("camera_matrix", "cameraMatrix", "intrinsic_matrix", "K", "M")
 LENS = ("distortion_coefficients", "distCoeffs", "dist_coeffs", "distortion_coeffs", "D")
 TURN, SHIFT = ("R", "rvec"), ("T", "tvec", "t")
@@ -45,6 +46,11 @@ _LENS_NAMES = {
 def is_storage(head: str) -> bool:
     """Return whether a file is of ``cv2.FileStorage``, whatever its keys."""
     return bool(re.search(r"\A\s*%YAML:1|\bopencv-matrix\b|<opencv_storage", head))
+
+
+def storage_files(folder: Path) -> list[Path]:
+    """Return the files of a folder that may be of ``cv2.FileStorage``."""
+    return sorted(p for p in folder.iterdir() if p.suffix in SUFFIXES and p.is_file())
 
 
 def read_storage(path: Path) -> dict[str, Any]:

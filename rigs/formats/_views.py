@@ -15,7 +15,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike, LensCamera
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
-from rigs.formats._lens_rays import limited
+from rigs.formats._lens import limited
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)

@@ -27,8 +27,7 @@ from rigs.files.text import iter_lines, shortened, write_text
 from rigs.files.units import UNKNOWN
 from rigs.formats._colmap_files import POSE, has_several_sensors, read_sensors, rig_texts, text_of
 from rigs.formats._colmap_lenses import MODELS, Sensor, read_sensor
-from rigs.formats._lens import named_model, refuse_skew, refuse_tables
-from rigs.formats._lens_rays import limited
+from rigs.formats._lens import limited, named_model, refuse_skew, refuse_tables
 from rigs.formats._values import as_count, errors_of, errors_of_file, numbers_of_line
 from rigs.formats._views import difference, finished, named
 from rigs.geometry.rotation import matrix_of_quaternion, quaternion_of_matrix

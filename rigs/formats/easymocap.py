@@ -22,14 +22,22 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
-from rigs.formats._file_storage import by_suffix, keys_found, matrix, read_storage, turn, vector
+from rigs.formats._file_storage import (
+    SUFFIXES,
+    by_suffix,
+    keys_found,
+    matrix,
+    read_storage,
+    storage_files,
+    turn,
+    vector,
+)
 from rigs.formats._lens import from_vector
 from rigs.formats._values import RIGID, as_count, errors_of, read_head, required_size
 from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-_SUFFIXES = (".yml", ".yaml", ".json", ".xml")
 _STEMS = {"K": "K", "dist": "D", "D": "D", "W": "W", "H": "H", "R": "R", "Rot": "Rot", "T": "T"}
 _KEY = re.compile(r'(?:^|[\s{,<])"?(?:K|R|Rot)_[\w.-]+(?:"?\s*:|\s+type_id|>)')
 
@@ -38,7 +46,7 @@ def looks_like(path: Path, head: str) -> bool:
     """Return whether a file, or one in a folder, has keys like ``K_<name>`` or ``R_<name>``."""
     if path.is_dir():
         return bool(_files_of(path))
-    return path.suffix in _SUFFIXES and bool(_KEY.search(head))
+    return path.suffix in SUFFIXES and bool(_KEY.search(head))
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
@@ -76,8 +84,7 @@ def _names(found: object, entries: Mapping[str, Mapping[str, Any]]) -> list[str]
 
 def _files_of(folder: Path) -> list[Path]:
     """Return the files of a folder that have such keys."""
-    files = sorted(p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file())
-    return [file for file in files if _KEY.search(read_head(file))]
+    return [file for file in storage_files(folder) if _KEY.search(read_head(file))]
 
 
 def _partner(path: Path) -> list[Path]:

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_yaml_mapping
-from rigs.formats._lens_rays import SPHERES, sphere_table
+from rigs.formats._lens import SPHERES, sphere_table
 from rigs.formats._values import (
     as_array,
     as_mapping,

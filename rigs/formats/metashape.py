@@ -31,7 +31,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.files.text import shortened
 from rigs.files.units import UNKNOWN
 from rigs.files.xml_file import read_xml
-from rigs.formats._lens_rays import metashape_table
+from rigs.formats._lens import metashape_table
 from rigs.formats._values import (
     as_array,
     as_count,

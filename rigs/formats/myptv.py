@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text
-from rigs.formats._lens_rays import check_table_size
+from rigs.formats._lens import check_table_size
 from rigs.formats._values import (
     as_count,
     as_number,

@@ -39,6 +39,7 @@ from rigs.formats._file_storage import (
     MATRIX,
     PLURALS,
     SHIFT,
+    SUFFIXES,
     TURN,
     entries_of,
     first,
@@ -48,6 +49,7 @@ from rigs.formats._file_storage import (
     matrix,
     read_storage,
     size_of,
+    storage_files,
     turn,
     vector,
 )
@@ -64,7 +66,6 @@ from rigs.rig import Rig
 
 logger = logging.getLogger(__name__)
 
-_SUFFIXES = (".yml", ".yaml", ".json", ".xml")
 _POSES = (*TURN, "pose")
 _STEREO = (("M1", "M2"), ("K1", "K2"), ("cameraMatrix1", "cameraMatrix2"))
 _STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
@@ -73,13 +74,13 @@ _STEREO_LENS = (("D1", "D2"), ("distCoeffs1", "distCoeffs2"))
 def looks_like(path: Path, head: str) -> bool:
     """Return whether a file, or one in a folder, holds the keys of OpenCV's programs."""
     if path.is_dir():
-        return any(looks_like(file, read_head(file)) for file in _files_of(path))
+        return any(looks_like(file, read_head(file)) for file in storage_files(path))
     known = (*_STEREO, MATRIX[:2], PLURALS[MATRIX], ("camera_matrix_0",))
     keys = "|".join(key for keys in known for key in keys)
     has_camera = re.search(rf'["\s{{,<](?:{keys})(?:"?\s*:|[\s>])', head)
     is_opencv = is_storage(head) or head.startswith("%YAML")
     return bool(
-        path.suffix in _SUFFIXES
+        path.suffix in SUFFIXES
         and (path.suffix != ".xml" or is_opencv)
         and not re.search(r"^format\s*:\s*emission", head, re.MULTILINE)
         and "camera_pose_matrix" not in head  # MC-Calib's
@@ -92,7 +93,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     if path.is_dir():
         entries: dict[str, Any] = {}
         unit = UNKNOWN
-        for file in _files_of(path):
+        for file in storage_files(path):
             data = read_storage(file)
             if any(pair[0] in data for pair in _STEREO):
                 with errors_of_file(file):
@@ -139,7 +140,7 @@ def save(rig: Rig, path: Path) -> None:
     cameras = refuse_tables(rig, "OpenCV")
     for camera in cameras:
         refuse_skew(camera, "OpenCV")
-    if path.suffix in _SUFFIXES:
+    if path.suffix in SUFFIXES:
         write_text(path, _text(rig, path))
         return
     for index, camera in enumerate(cameras):
@@ -169,11 +170,6 @@ def _text(rig: Rig, path: Path) -> str:
     except cv2.error as error:
         raise ValueError(f"OpenCV: {error.err}") from None
     return storage.releaseAndGetString()
-
-
-def _files_of(folder: Path) -> list[Path]:
-    """Return the files of a folder that can hold cameras."""
-    return sorted(p for p in folder.iterdir() if p.suffix in _SUFFIXES and p.is_file())
 
 
 def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | None) -> Camera:

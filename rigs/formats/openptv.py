@@ -36,7 +36,7 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.files.text import read_text, read_yaml_mapping, shortened
-from rigs.formats._lens_rays import check_table_size, limited
+from rigs.formats._lens import check_table_size, limited
 from rigs.formats._values import (
     as_count,
     as_mapping,

@@ -21,8 +21,7 @@ import numpy as np
 
 from rigs.camera import Camera
 from rigs.files.text import read_text
-from rigs.formats._lens import from_vector
-from rigs.formats._lens_rays import metashape_table
+from rigs.formats._lens import from_vector, metashape_table
 from rigs.formats._values import as_number, errors_of, image_listed, required, required_size
 from rigs.formats._views import Views
 from rigs.geometry.rotation import matrix_of_angles

@@ -32,8 +32,6 @@ from rigs.files.text import write_text
 from rigs.formats._lens import refuse_lens, refuse_skew, refuse_tables
 from rigs.rig import Rig
 
-_SAME_RATIO = 1e-9  # relative difference of fx / fy up to which cameras share a stack
-
 
 def save(rig: Rig, path: Path) -> None:
     """Write one XML for all cameras, or, into a folder, one for each."""
@@ -108,14 +106,15 @@ def _text(rig: Rig) -> str:
     spacing = first.camera_matrix[0, 0] / first.camera_matrix[1, 1]
     for camera in rig:
         ratio = camera.camera_matrix[0, 0] / camera.camera_matrix[1, 1]
+        said = ""
         if camera.image_size != first.image_size:
-            field, found, expected = "image_size", f"{camera.image_size}", f"{first.image_size}"
-        else:
-            field, found, expected = "camera_matrix", f"fx / fy = {ratio:.9g}", f"{spacing:.9g}"
-        if field == "image_size" or abs(ratio - spacing) > _SAME_RATIO * spacing:
+            said = f"image_size: found {camera.image_size}, expected {first.image_size}"
+        elif not math.isclose(ratio, spacing):
+            said = f"camera_matrix: found fx / fy = {ratio:.9g}, expected {spacing:.9g}"
+        if said:
             raise ValueError(
-                f"camera {camera.name}: {field}: found {found}, expected {expected} as of camera "
-                f"{first.name}: RTK has one pixel shape per stack; write a folder of one XML each"
+                f"camera {camera.name}: {said} as of camera {first.name}: RTK has one pixel shape "
+                "per stack; write a folder of one XML each"
             )
     projections = "".join(_projection(camera) for camera in refuse_tables(rig, "RTK"))
     return (

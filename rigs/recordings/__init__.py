@@ -15,7 +15,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         ],
         "images": [
             "check_pattern",
-            "intensities",
             "intensities_with_full_scale",
             "is_integer_image",
             "read_image",

@@ -127,31 +127,27 @@ def check_pattern(source: object, is_mosaic: bool, bayer: str | None) -> None:
         )
 
 
-def intensities(
-    stored: NDArray,
-    source: object,
-    bit_depth: int | None = None,
-    usable: NDArray[np.bool_] | None = None,
-) -> NDArray[np.float32]:
-    """Return stored pixels ``(rows, columns)`` as intensities, see `read_image`.
-
-    ``source`` is what errors name: the place of an image in memory.
-
-    Raises
-    ------
-    ValueError
-        If a usable pixel is NaN or infinite, or the pixels are not of a known type.
-    """
-    return intensities_with_full_scale(stored, source, bit_depth, usable)[0]
-
-
 def intensities_with_full_scale(
     stored: NDArray,
     source: object,
     bit_depth: int | None = None,
     usable: NDArray[np.bool_] | None = None,
 ) -> tuple[NDArray[np.float32], int]:
-    """Return what `intensities` does, and the full scale that integers were divided by, or 1."""
+    """Return stored pixels as intensities, and the full scale that integers were divided by, or 1.
+
+    Parameters
+    ----------
+    stored : (rows, columns) array
+    source : object
+        What errors name: the place of an image in memory.
+    bit_depth, usable
+        As of `read_image`.
+
+    Raises
+    ------
+    ValueError
+        If a usable pixel is NaN or infinite, or the pixels are not of a known type.
+    """
     try:
         return _intensities(Still.of(stored), None, bit_depth, usable)
     except ValueError as error:

@@ -25,9 +25,6 @@ def is_channel(name: object) -> bool:
     return name in COLOURS or (isinstance(name, str) and name.isascii() and name.isdigit())
 
 
-_STEP = 2  # rows, and columns, from a pixel to the next of its colour
-
-
 @dataclass(frozen=True)
 class Mosaic:
     """The pixels of one colour of a sensor with a Bayer filter; nothing is interpolated.
@@ -78,13 +75,13 @@ class Mosaic:
         """Row and column of the first pixel of the colour."""
         colour = self.channel[0].upper()
         find = self.pattern.rindex if self.channel == "g2" else self.pattern.index
-        return divmod(find(colour), _STEP)
+        return divmod(find(colour), 2)
 
     def pixels(self, image: NDArray) -> NDArray:
         """Return the colour's pixels of an image, ``(height // 2, width // 2)``."""
-        rows, columns = (side - side % _STEP for side in image.shape)
+        rows, columns = (side - side % 2 for side in image.shape)
         row, column = self.place
-        return image[row:rows:_STEP, column:columns:_STEP]
+        return image[row:rows:2, column:columns:2]
 
     def camera(self, camera: AnyCamera) -> AnyCamera:
         """Return the camera of the colour's pixels, from that of the sensor's.
@@ -94,19 +91,19 @@ class Mosaic:
         ValueError
             If the image is narrower or lower than two pixels.
         """
-        if min(camera.image_size) < _STEP:
+        if min(camera.image_size) < 2:
             raise ValueError(
                 f"camera {camera.name}: found {camera.image_size[0]} x {camera.image_size[1]} "
                 "pixels, expected at least 2 x 2 of a mosaic of colours"
             )
         row, column = self.place
         # `shrunk` looks from the middle of the 2 x 2 pixels, at half a pixel
-        return camera.shifted(0.5 - column, 0.5 - row).shrunk(_STEP)
+        return camera.shifted(0.5 - column, 0.5 - row).shrunk(2)
 
     def sensor(self, camera: AnyCamera) -> AnyCamera:
         """Return the camera of the whole sensor, but for an odd side, from the colour's."""
         row, column = self.place
-        return camera.scaled(_STEP).shifted(column - 0.5, row - 0.5)
+        return camera.scaled(2).shifted(column - 0.5, row - 0.5)
 
 
 def without_pattern(image: NDArray) -> NDArray[np.float32]:

@@ -12,9 +12,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, BinaryIO, cast
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rigs.files.size_guard import check_claim
+from rigs.files.size_guard import check_claim, errors_of_libraries
 from rigs.recordings.still import Still
 from rigs.recordings.tiff_planes import check_chain
 
@@ -29,9 +28,7 @@ _NO_INTENSITIES = {
     "LOGL": "logarithms, expected values linear in intensity",
     "LOGLUV": "logarithms, expected values linear in intensity",
     "SEPARATED": "colours of printing inks, expected grey values",
-    "CIELAB": "CIE Lab colours, expected grey values",
-    "ICCLAB": "CIE Lab colours, expected grey values",
-    "ITULAB": "CIE Lab colours, expected grey values",
+    **dict.fromkeys(("CIELAB", "ICCLAB", "ITULAB"), "CIE Lab colours, expected grey values"),
 }
 """Photometric interpretations whose stored numbers are no intensities, with a message each."""
 
@@ -60,7 +57,7 @@ def opened_tiff(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffi
     import tifffile
 
     file = io.BytesIO(source) if isinstance(source, bytes) else source
-    with silent_log("tifffile"), tifffile.TiffFile(file) as opened:
+    with silent_log(), tifffile.TiffFile(file) as opened:
         yield opened
 
 
@@ -74,7 +71,8 @@ def decoded(page: tifffile.TiffPage, size: int) -> Still:
     """Return the image of a page in a file of ``size`` bytes; see `read_tiff`."""
     _check_intensities(page)
     _check_segments(page, size)
-    pixels = _pixels(page)
+    with errors_of_libraries("damaged or truncated"):
+        pixels = page.asarray()
     if page.planarconfig == 2 and page.samplesperpixel > 1:
         pixels = np.moveaxis(pixels, 0, -1)
     return Still.of(pixels, bits_of(page), is_pattern(page))
@@ -91,29 +89,14 @@ def bits_of(page: tifffile.TiffPage) -> int | None:
 
 
 @contextmanager
-def silent_log(name: str) -> Iterator[None]:
-    """Keep a library's log off the terminal: what matters is raised."""
-    handler, logger = logging.NullHandler(), logging.getLogger(name)
+def silent_log() -> Iterator[None]:
+    """Keep tifffile's log off the terminal: what matters is raised."""
+    handler, logger = logging.NullHandler(), logging.getLogger("tifffile")
     logger.addHandler(handler)
     try:
         yield
     finally:
         logger.removeHandler(handler)
-
-
-def _pixels(page: tifffile.TiffPage) -> NDArray:
-    """Return a page's numbers; a library that is not installed is no damage."""
-    try:
-        return page.asarray()
-    except Exception as error:
-        if isinstance(error, ImportError) or "'imagecodecs'" in str(error):
-            packing = getattr(page.compression, "name", page.compression)
-            raise ValueError(
-                f"found {page.bitspersample} bits a sample, compression {packing}, which the "
-                "package imagecodecs decodes, and it is not installed: pip install imagecodecs"
-            ) from None
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise ValueError(f"damaged or truncated: {reason}") from None
 
 
 def image_page(file: tifffile.TiffFile) -> tifffile.TiffPage:

@@ -8,7 +8,6 @@ import io
 import logging
 import os
 import pickle
-import re
 import struct
 import time
 import warnings
@@ -21,10 +20,10 @@ import numpy as np
 import pytest
 import torch
 from damage import damaged, packed, png, unpacked
-from hypothesis import given, note, settings
+from hypothesis import given, note
 from samples import GROUPS
 
-from rigs.formats import _lens_rays
+from rigs.formats import _lens
 
 MOST_SECONDS = 3.0  # of processor time for one small file; what backtracks takes minutes
 MOST_MEMORY = 250 << 20  # bytes for one small file: bombs unpack to 300 MB
@@ -66,7 +65,7 @@ def quiet():
     """Tables of rays take memory by the camera's pixels, and libraries log what they dislike."""
     logging.disable()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_lens_rays, "MOST_RAYS", 1 << 14)
+        patch.setattr(_lens, "MOST_RAYS", 1 << 14)
         yield
     logging.disable(logging.NOTSET)
 
@@ -227,39 +226,3 @@ def test_encoders_that_claim_more_than_they_hold(tmp_path):
     for trick in [*tricks, content | {"state": [1]}, content | {"kind": ["weights"]}]:
         torch.save(trick, path)
         read_or_refused(reader.read, path, tmp_path)
-
-
-@pytest.mark.parametrize(
-    ("verb", "group", "names"),
-    [("convert-rig", "rigs", ("kalibr", "opencv", "metashape", "colmap")),
-     ("check-rig", "rigs", ("emission_rig", "transforms")),
-     ("visualize-volume", "volumes", ("volume .npz", "volume .nrrd"))],
-)  # fmt: skip
-def test_damaged_files_end_commands_in_one_line_or_are_used(
-    tmp_path, run_tool, verb, group, names
-):
-    (tmp_path / "samples").mkdir()
-    every = GROUPS[group](tmp_path / "samples")
-    more = {"convert-rig": (tmp_path / "new.yaml", "--image-size", "9x7"),
-            "check-rig": ("--grid", "6x8x6", "--spacing", "1"),
-            "visualize-volume": ("-o", tmp_path / "a.png")}[verb]  # fmt: skip
-    for reader in (every[name] for name in every if name.startswith(names)):
-        given_to_verb(reader, tmp_path / "in", lambda path: run_tool(verb, path, *more))
-
-
-def given_to_verb(reader, folder, run):
-    """Give a few damaged files of a reader to a command."""
-
-    @settings(max_examples=max(settings.default.max_examples // 10, 1))
-    @given(damaged(reader.samples, reader.changes))
-    def check(content):
-        for other, data in {**reader.others, reader.file: content}.items():
-            (folder / other).parent.mkdir(parents=True, exist_ok=True)
-            (folder / other).write_bytes(data)
-        with warnings.catch_warnings(action="ignore"):
-            done = run(folder / reader.file)
-        assert done.exception is None or isinstance(done.exception, SystemExit)
-        assert done.exit_code in (0, 1, 2)
-        assert not done.exit_code or len(re.findall("^error: ", done.stderr, re.M)) == 1
-
-    check()

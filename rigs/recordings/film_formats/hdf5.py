@@ -24,7 +24,6 @@ _MARK = b"GCOL\x01\0\0\0"  # a collection of texts, version 1
 _LOOKED_AT = 16 << 20  # bytes at each end of a file: heads and late attributes stand there
 _OBJECT = struct.Struct("<HHIQ")  # number, references, reserved, size
 _MOST_LISTED = 1000  # objects of a file that are looked at for films
-_MOST_DEPTH = 8  # levels of groups
 
 
 class Hdf5Film(ArrayFilm):
@@ -134,9 +133,9 @@ def _films_of(file: h5py.File) -> Iterator[str]:
     """Yield the names of data sets that are films, in the file's order; links are not followed."""
     import h5py
 
-    waiting, seen = [(file, "", 0)], 0
+    waiting, seen = [(file, "")], 0
     while waiting:
-        group, place, depth = waiting.pop(0)
+        group, place = waiting.pop(0)
         for name in group:
             seen += 1
             if seen > _MOST_LISTED:
@@ -144,8 +143,8 @@ def _films_of(file: h5py.File) -> Iterator[str]:
             if not isinstance(group.get(name, getlink=True), h5py.HardLink):
                 continue
             one = group[name]
-            if isinstance(one, h5py.Group) and depth < _MOST_DEPTH:
-                waiting.append((one, f"{place}/{name}", depth + 1))
+            if isinstance(one, h5py.Group):
+                waiting.append((one, f"{place}/{name}"))
             elif isinstance(one, h5py.Dataset) and _is_film(one):
                 yield f"{place}/{name}"
 

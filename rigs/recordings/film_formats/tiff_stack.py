@@ -35,7 +35,7 @@ class TiffStack(Reopened):
         self.path = Path(path)
         self._lock = threading.Lock()  # the pages share the file's position
         self._bytes = self.path.stat().st_size
-        with errors_of_libraries(f"{self.path}: not a readable TIFF"), silent_log("tifffile"):
+        with errors_of_libraries(f"{self.path}: not a readable TIFF"), silent_log():
             self._file = tifffile.TiffFile(self.path)
             self._planes = planes_of(self._file)
             self.n_frames = len(self._planes.pages)
@@ -55,7 +55,7 @@ class TiffStack(Reopened):
     def read_channel(self, index: int, channel: str | None) -> NDArray:
         """Return a channel of a frame, see `Recording.read_channel`."""
         check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index), self._lock, silent_log("tifffile"):
+        with frame_errors(self.path, index), self._lock, silent_log():
             plane = self._planes.pages[index, self._channel(channel)]
             colour = channel if len(self.channels) == 1 else None
             still = self._still(int(plane))

@@ -6,7 +6,6 @@ import os
 import cv2
 import numpy as np
 import pytest
-import yaml
 from hypothesis import HealthCheck, example, given, settings
 from hypothesis import strategies as st
 
@@ -22,7 +21,6 @@ from rigs import (
     ring,
     save_rig,
 )
-from rigs.files.write_rig import rig_to_yaml
 
 COUNTS = {"none": 0, "brown": 5, "rational": 8, "thin_prism": 12, "tilted": 14, "fisheye": 4}
 EVERYWHERE = settings(
@@ -100,22 +98,6 @@ def test_opencv_reads_what_is_written(tmp_path):
             numbers(lens.getNode("coefficients")), camera.distortion.coefficients, rtol=1e-14
         )
     assert numbers(storage.getNode("volume").getNode("shape")) == [3, 4, 5]
-
-
-def test_what_is_written_is_plain_yaml():
-    data = yaml.safe_load(rig_to_yaml(random_rig(2)))
-    assert list(data)[:6] == [
-        "format",
-        "version",
-        "length_unit",
-        "convention",
-        "world_frame",
-        "cameras",
-    ]
-    assert (data["format"], data["version"], data["convention"]) == ("emission-rig", 1, "opencv")
-    for camera in data["cameras"]:
-        assert np.shape(camera["camera_matrix"]) == np.shape(camera["R"]) == (3, 3)
-        assert np.shape(camera["t"]) == (3,)
 
 
 def test_a_failed_save_leaves_the_old_file(tmp_path):

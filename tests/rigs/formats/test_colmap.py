@@ -151,13 +151,6 @@ def test_several_cameras_that_moved(tmp_path):
     assert formats.load(folder).names == ("low_a", "b", "high_a", "c")
 
 
-@pytest.mark.parametrize("model", ["thin_prism", "tilted"])
-def test_lenses_that_colmap_lacks_are_refused(make_rig, tmp_path, model):
-    with pytest.raises(ValueError, match=f"camera cam1: distortion: found model {model}"):
-        formats.save(make_rig("none", model), tmp_path / "model", "colmap")
-    assert not (tmp_path / "model").exists()
-
-
 def test_skew_is_refused_and_a_lens_is_written_shorter(tmp_path, make_rig, assert_same_views):
     with pytest.raises(ValueError, match=r"camera cam0: camera_matrix: found skew 1.0"):
         formats.save(make_rig("none", skew=1.0), tmp_path / "model", "colmap")

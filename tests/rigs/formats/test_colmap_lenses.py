@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rigs import Camera, RayTable, formats
-from rigs.formats import _lens_rays, colmap
+from rigs.formats import _lens, colmap
 
 MODELS = {
     "SIMPLE_RADIAL_FISHEYE": (800, 320.5, 240.25, 0.02),
@@ -253,7 +253,7 @@ def test_images_of_many_points_are_read(tmp_path):
 
 
 def test_more_tables_than_memory_are_refused(tmp_path, monkeypatch):
-    monkeypatch.setattr(_lens_rays, "MOST_RAYS", 640 * 480)
+    monkeypatch.setattr(_lens, "MOST_RAYS", 640 * 480)
     write_text(tmp_path, "FOV")
     lines = [f"{number} 1 0 0 0 {number} 0 0 1 {number}.png\n\n" for number in range(1, 6)]
     (tmp_path / "images.txt").write_text("".join(lines[:4]))

@@ -272,12 +272,6 @@ def test_poses_are_all_there_or_none_is(make_rig, tmp_path):
         formats.load(path)
 
 
-def test_skew_is_refused(make_rig, tmp_path):
-    with pytest.raises(ValueError, match=r"camera cam0: camera_matrix: found skew 0.5"):
-        formats.save(make_rig("none", skew=0.5), tmp_path / "rig.yml")
-    assert list(tmp_path.iterdir()) == []
-
-
 def test_what_is_refused_is_not_warned_of_too(tmp_path, caplog):
     path = tmp_path / "calib.yml"
     path.write_text("%YAML:1.0\n---\ncamera_matrix: [[1, 0, 0], [0, 1, 0]]\nimage_width: 4\n")

@@ -110,12 +110,6 @@ def test_lens_models(lens, model, coefficients, tmp_path):
     assert (distortion.model, distortion.coefficients) == (model, coefficients)
 
 
-def test_a_field_of_view_stands_for_the_focal_length(tmp_path):
-    data = {"camera_angle_x": np.pi / 2, "w": 640, "h": 480, "frames": [entry("a/0.png")]}
-    K = load_transforms(write(tmp_path, data))[0][0].camera_matrix
-    np.testing.assert_allclose(K, [[320, 0, 319.5], [0, 320, 239.5], [0, 0, 1]])
-
-
 def test_an_image_size_serves_files_without_one(tmp_path):
     path = write(tmp_path, {"camera_angle_x": 0.69, "frames": [entry("./train/r_0")]})
     with pytest.raises(ValueError, match=r"frames\[0\] \(./train/r_0\): w: missing"):

@@ -152,8 +152,3 @@ def test_rtk_files_are_xml_whatever_the_names(make_rig, tmp_path):
     rig = Rig(tuple(replace(camera, name=name) for name in ("a---b", "c--", "d<&e")))
     formats.save(rig, tmp_path / "geometry.xml")
     assert len(ElementTree.parse(tmp_path / "geometry.xml").findall("Projection")) == 3
-
-
-def test_rtk_refuses_skew(make_rig, tmp_path):
-    with pytest.raises(ValueError, match=r"camera cam0: camera_matrix: found skew 0.5"):
-        formats.save(make_rig("none", skew=0.5), tmp_path / "geometry.xml")

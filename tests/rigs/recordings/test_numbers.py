@@ -55,22 +55,6 @@ def test_bit_depth_says_what_the_file_does_not(tmp_path):
         read_image(tmp_path / "a.tif", bit_depth=16)
 
 
-def test_without_the_decoder_the_message_names_its_package(tmp_path, write_packed, monkeypatch):
-    import tifffile.tifffile
-
-    def missing(*_, **__):
-        raise NotImplementedError(
-            "packints_decode of 12-bit integers requires the 'imagecodecs' package"
-        )
-
-    write_packed(tmp_path / "a.tif", np.zeros((7, 9), np.uint16), 12)
-    monkeypatch.setattr(tifffile.TiffPage, "asarray", missing)
-    with pytest.raises(ValueError, match="found 12 bits a sample") as caught:
-        read_image(tmp_path / "a.tif")
-    assert str(caught.value).endswith("it is not installed: pip install imagecodecs")
-    assert "damaged" not in str(caught.value)
-
-
 def pnm(kind, numbers, full, width, gap=b"\n"):
     """Return a PGM or PPM made from the format's description alone."""
     count = len(numbers) // width // (3 if kind in (3, 6) else 1)
@@ -121,9 +105,3 @@ def test_the_colours_of_a_ppm_are_those_of_opencv(tmp_path, kind):
 )
 def test_a_pgm_that_is_none_is_refused(refused, content, words):
     assert words in refused(read_image, "a.pgm", content)
-
-
-def test_reading_writes_nothing_on_the_terminal(tmp_path, capfd):
-    tifffile.imwrite(tmp_path / "a.tif", np.zeros((4, 5), np.uint16), compression="zstd")
-    read_image(tmp_path / "a.tif")
-    assert capfd.readouterr() == ("", "")
