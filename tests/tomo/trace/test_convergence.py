@@ -15,17 +15,12 @@ the Fourier series ``S(u) = Σ_{m≠0} a_m exp(2πi m u)``, ``|a_m| = 1 / (2π |
 where ``φ_i`` is the Fourier transform of ``∂_i f`` along the ray. For a blob of width ``s`` it
 falls like ``exp(-2 (π s q)²)``: only axes with ``|d_i|`` of the order of ``h / s`` contribute.
 
-- A ray parallel to an axis has ``d_i = 0`` for the other two: the offset ``u`` between the ray and
-  the voxels' centres is the same in every voxel, and ``E = -u · ∇⊥ ∫ f dt + O(h²)``: first order,
-  and second when the ray runs through the centres.
-- A ray in any other fixed direction has ``|d_i| >> h`` as ``h`` falls: the offsets average out
-  along the ray, faster than any power of ``h``, and ``O(h²)`` is left.
-- Over isotropic random rays a component is below ``ε`` with the probability ``ε`` (Archimedes), so
-  that a share of the order of ``h`` of them has an error of the order of ``h``: the root mean
-  square falls like ``sqrt(h · h²) = h^(3/2)``.
-- The mean over a pixel averages ``x(0)``. One voxel wide, ``S`` has mean zero over the pixel
-  wherever the pixel lies: second order along an axis too. A pixel of fixed size spans more and
-  more voxels, and is second order in every direction.
+- A ray parallel to an axis has the same offset to the voxels' centres in every voxel: first order,
+  and second when it runs through the centres.
+- In any other fixed direction the offsets average out along the ray: ``O(h²)`` is left.
+- Over isotropic random rays a share of the order of ``h`` is nearly parallel to a plane of the axes
+  and has an error of the order of ``h``: the root mean square falls like ``h^(3/2)``.
+- Over a pixel one voxel wide or more ``S`` has mean zero: second order in every direction.
 
 The voxel means here are exact, from the error function: no sampling error hides in the orders.
 """
