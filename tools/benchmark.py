@@ -1,4 +1,4 @@
-"""Chart run time against error, with memory, threads, start-up, and the studies of accuracy."""
+"""Chart run time against error, with memory, start-up, and the studies of accuracy."""
 
 from __future__ import annotations
 

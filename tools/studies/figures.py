@@ -1,7 +1,8 @@
 """The tables of README and docs/results: ``python tools/studies/figures.py [RUN ...]``.
 
-A ``RUN`` is the JSON that a study wrote, such as out/benchmark/benchmark.json. Its parts go into
-docs/results/figures.json, in place of those that were there; then every table is written anew.
+A ``RUN`` is the JSON that a study wrote, such as out/benchmark/benchmark.json. The tables of its
+parts that pages show go into docs/results/figures.json, in place of those that were there; then
+every table is written anew.
 
 A page says where a table stands, which columns of which table it has, and which of its rows::
 
@@ -71,8 +72,10 @@ def with_tables(text: str, figures: Figures, where: str) -> str:
     def filled(place: re.Match) -> str:
         address, columns, *chosen = (part.strip() for part in place[2].split(";"))
         study, part, table = address.split()
+        record = figures.get(study, {}).get(part)
+        if record is None:
+            return f"{place[1]}Not measured yet: {_command(study, part)}\n{place[3]}"
         try:
-            record = figures[study][part]
             rows = [row for row in record["tables"][table] if _is_chosen(row, "".join(chosen))]
             known = {key for row in rows for key in row}
         except KeyError:
@@ -147,21 +150,33 @@ def stale(figures: Figures) -> list[str]:
     for study in figures.keys() - {DEFAULTS}:
         for part, record in figures[study].items():
             if current[record["default"]] != record["default"]:
-                again = record.get("command", f"python tools/{study}.py --part {part}")
+                again = _command(study, part, record.get("command"))
                 lines.append(
                     f"{FIGURES.name}: {study} {part}: measured at {record['commit']}, the default "
-                    f"has changed since; repeat: {again} "
-                    f"-o out/{study} && python tools/studies/figures.py out/{study}/{study}.json"
+                    f"has changed since; repeat: {again}"
                 )
     return lines
 
 
+def _command(study: str, part: str, command: str | None = None) -> str:
+    """Return what measures a part and takes it into the figures."""
+    again = command or f"python tools/{study}.py --part {part}"
+    return f"{again} -o out/{study} && python tools/studies/figures.py out/{study}/{study}.json"
+
+
 def main(runs: Iterable[str]) -> None:
-    """Take runs into the figures, and write the tables of all pages."""
+    """Take the tables of runs that pages show into the figures, and write the tables of pages."""
     figures = json.loads(FIGURES.read_text("utf-8")) if FIGURES.is_file() else {}
+    texts = {page: page.read_text("utf-8") for page in pages()}
+    places = (place for text in texts.values() for place in PLACE.finditer(text))
+    shown = {tuple(place[2].partition(";")[0].split()) for place in places}
     for path in runs:
-        figures = with_run(figures, json.loads(Path(path).read_text("utf-8")))
-    written = {page: with_tables(page.read_text("utf-8"), figures, page.name) for page in pages()}
+        run = json.loads(Path(path).read_text("utf-8"))
+        for part, record in run["parts"].items():
+            tables = record["tables"].items()
+            record["tables"] = {t: rows for t, rows in tables if (run["study"], part, t) in shown}
+        figures = with_run(figures, run)
+    written = {page: with_tables(text, figures, page.name) for page, text in texts.items()}
     write_json(FIGURES, figures, indent=1)
     for page, text in written.items():
         with atomic_path(page) as temporary:

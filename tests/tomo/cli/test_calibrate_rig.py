@@ -90,7 +90,7 @@ def refused(run_tool, tmp_path):
 
 
 def test_the_rig_s_rays_meet_where_the_true_ones_do(taken, calibrated):
-    from studies.calibration.truth import true_ray_miss
+    from studies.calibration.study import true_ray_miss
 
     report, folder, _ = calibrated
     rig = load_rig(folder / "rig.yaml")
@@ -319,7 +319,7 @@ def test_a_frame_that_stands_twice_counts_once(run_tool, images, tmp_path, calib
 
 def test_images_that_do_not_belong_are_named_and_left_out(run_tool, images, tmp_path, taken):
     """One is blurred along its columns; one was taken at another moment than its name says."""
-    from studies.calibration.truth import true_ray_miss
+    from studies.calibration.study import true_ray_miss
 
     turned_into(images / "cam01" / "pose_004.png", lambda grey: cv2.blur(grey, (1, 13)))
     shutil.copy(images / "cam02" / "pose_002.png", images / "cam02" / "pose_006.png")
@@ -389,7 +389,7 @@ def test_a_folder_without_images_says_what_it_holds(refused, few, name, words):
 
 def test_lens_images_are_kept_apart_from_pose_images(run_tool, taken, few, tmp_path):
     """Three images of all cameras at once say little of their lenses; others need not be."""
-    from studies.calibration.truth import true_ray_miss
+    from studies.calibration.study import true_ray_miss
 
     lenses = tmp_path / "lenses"
     for number, camera in enumerate(CAMERAS):

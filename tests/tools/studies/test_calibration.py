@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
-from studies.calibration import study, truth
+from studies.calibration import study
 from studies.common.study import Request
 
 from rigs import Rig, Volume, arc
@@ -16,9 +16,9 @@ RIG = arc(3, 60.0, 500.0, image_size=(300, 300), footprint=0.3, volume=VOLUME)
 
 
 def test_a_rig_does_not_miss_itself_wherever_its_world_is():
-    assert truth.true_ray_miss(RIG, RIG, VOLUME) < 1e-10
+    assert study.true_ray_miss(RIG, RIG, VOLUME) < 1e-10
     R = Rotation.from_rotvec([0.3, -1.2, 0.7]).as_matrix()
-    assert truth.true_ray_miss(RIG, RIG.transformed(R, [40.0, -3.0, 900.0]), VOLUME) < 1e-9
+    assert study.true_ray_miss(RIG, RIG.transformed(R, [40.0, -3.0, 900.0]), VOLUME) < 1e-9
 
 
 def test_a_camera_that_looks_beside_misses_by_what_geometry_says():
@@ -29,7 +29,7 @@ def test_a_camera_that_looks_beside_misses_by_what_geometry_says():
     lifted = replace(RIG[1], t=RIG[1].t + RIG[1].R @ [0.0, -0.06, 0.0])
     rig = Rig((RIG[0], lifted, RIG[2]))
     expected = 0.06 * np.sqrt(2) / 3
-    assert truth.true_ray_miss(RIG, rig, VOLUME) == pytest.approx(expected, rel=0.01)
+    assert study.true_ray_miss(RIG, rig, VOLUME) == pytest.approx(expected, rel=0.01)
 
 
 def test_only_images_with_every_point_are_complete():
@@ -38,10 +38,10 @@ def test_only_images_with_every_point_are_complete():
     observations = Observations(
         points, ("a", "b"), ((9, 9),) * 2, ("f",), camera, frame, point, np.ones((5, 2))
     )
-    kept = truth.of_complete_targets(observations)
+    kept = study.of_complete_targets(observations)
     assert kept.counts().tolist() == [[3], [0]]
     assert kept.cameras == ("a", "b")
-    np.testing.assert_array_equal(truth.in_metres(kept).target_points, points / 1000)
+    np.testing.assert_array_equal(study.in_metres(kept).target_points, points / 1000)
 
 
 @pytest.fixture(scope="module")

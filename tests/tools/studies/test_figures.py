@@ -56,6 +56,11 @@ def test_what_is_not_there_is_refused(asked, words):
         figures.with_tables(PLACE.format(asked), figures.with_run({}, RUN), "page.md")
 
 
+def test_a_part_that_is_not_measured_says_how_it_is():
+    found = figures.with_tables(PLACE.format("flame"), {}, "page.md")
+    assert "-->\nNot measured yet: python tools/benchmark.py --part accuracy -o out" in found
+
+
 def test_a_later_run_takes_the_place_of_its_parts_alone():
     other = {**RUN, "commit": "7654321", "parts": {"threads": {"tables": {}}}}
     both = figures.with_run(figures.with_run({}, RUN), other)

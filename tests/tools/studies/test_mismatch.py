@@ -5,10 +5,9 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from studies.benchmark import mismatch_scenes
-from studies.benchmark.classic import CLASSIC
-from studies.benchmark.mismatch import means, mismatch_row
-from studies.benchmark.mismatch_scenes import EFFECTS, mismatch_scene
+from studies.benchmark import mismatch
+from studies.benchmark.convergence import CLASSIC
+from studies.benchmark.mismatch import EFFECTS, mismatch_row, mismatch_scene, with_ratios
 from studies.benchmark.sizes import SIZES
 
 TINY = SIZES["tiny"].shown
@@ -35,7 +34,7 @@ def row():
         return SimpleNamespace(volume=2 * scan.truth, seconds=seconds)
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(mismatch_scenes, "reconstructed", knows)
+        patch.setattr(mismatch, "reconstructed", knows)
         return mismatch_row("absorption", "jet", "2 %", 3, TINY, 6)
 
 
@@ -53,20 +52,13 @@ def test_scenes_hold_what_their_name_says(scene):
 
 def test_scenes_repeat(scene):
     first = scene(noise="2 %", seed=2)
-    mismatch_scenes._clean.cache_clear()
+    mismatch._clean.cache_clear()
     again, other = scene(noise="2 %", seed=2), scene(noise="2 %", seed=3)
     np.testing.assert_array_equal(first.images, again.images)
     assert (np.asarray(first.images) != other.images).any()
     clean = scene(seed=2)
     noise = np.subtract(first.images, clean.images)
     assert noise.std() == pytest.approx(0.02 * np.max(clean.images), rel=0.05)
-
-
-def test_optical_depths_are_those_asked_for(scene):
-    even, own = scene("absorption"), scene("self-absorption")
-    assert even.effects.absorption * 15 == pytest.approx(mismatch_scenes.BOX_DEPTH)
-    deepest = own.effects.self_absorption * max(np.max(i) for i in scene("pixel area").images)
-    assert 0.5 < deepest / mismatch_scenes.FLAME_DEPTH < 1.5
 
 
 @pytest.mark.parametrize("effect", ["gains + absorption", "self-absorption", "defocus", "all"])
@@ -94,12 +86,6 @@ def test_true_weights_explain_the_images(scene, effect):
     np.testing.assert_allclose(weighted @ emission, informed, rtol=1e-3, atol=1e-4)
 
 
-@pytest.mark.parametrize(("effect", "noise"), [("heat", "clean"), ("gains", "5 %")])
-def test_unknown_scenes(scene, effect, noise):
-    with pytest.raises(ValueError, match=r"(effect: found 'heat'|noise: found '5 %'), expected"):
-        scene(effect, noise)
-
-
 def test_a_row_holds_the_best_of_each_kind(row):
     assert len(row["tried"]) == len(CLASSIC)
     assert {name.split(",")[0] for name in row["tried"]} == {
@@ -124,7 +110,7 @@ def test_means_are_of_the_rows(row):
             ("absorption", 1, "mlem", 0.02, 0.006),
         )
     ]  # fmt: skip
-    found = means(rows)
+    found = with_ratios(rows)
     assert [mean["seeds"] for mean in found] == [2, 1]
     gains = found[0]
     assert gains["classic"] == "cgls / mlem"

@@ -1,12 +1,12 @@
 """The study of refinement on one small rig."""
 
 import pytest
+from studies import refinement
 from studies.common.study import Request
-from studies.refinement import study
 
 
 def test_a_small_rig_is_refined():
-    tables = study.run(Request("tiny"))
+    tables = refinement.run(Request("tiny"))
     (row,) = tables["disturbed_rigs"]
     assert row["before_pixels"] > 0.4
     assert row["after_pixels"] < 0.4 * row["before_pixels"]  # so few pixels allow no more

@@ -6,7 +6,7 @@ from studies.common.study import Study
 
 STUDY = Study(
     "benchmark",
-    "Run time against error, with memory, threads, start-up and accuracy.",
+    "Run time against error, with memory, start-up and accuracy.",
     {
         "accuracy": ("The default against the truth", "studies.benchmark.accuracy"),
         "projectors": ("Projectors", "studies.benchmark.projectors"),
@@ -15,13 +15,12 @@ STUDY = Study(
         "plume": ("A real plume", "studies.benchmark.plume"),
         "gpu": ("On a GPU", "studies.benchmark.gpu"),
         "scaling": ("Growth with grid and views", "studies.benchmark.scaling"),
-        "threads": ("Growth with threads", "studies.benchmark.threads"),
         "startup": ("Start-up and first use", "studies.benchmark.startup"),
         "mismatch": ("Physics that solvers do not know", "studies.benchmark.mismatch"),
         "learned": ("Optics without a formula", "studies.benchmark.learned"),
         "training": ("Training WERNet", "studies.benchmark.training"),
         "optics": ("Flames behind optics", "studies.optics.study"),
         "calibration": ("Calibration against known rigs", "studies.calibration.study"),
-        "refinement": ("Cameras refined from the flame", "studies.refinement.study"),
+        "refinement": ("Cameras refined from the flame", "studies.refinement"),
     },
 )

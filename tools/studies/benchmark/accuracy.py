@@ -10,17 +10,14 @@ intervals. Means over the seeds.
 from __future__ import annotations
 
 import itertools
-import statistics
 import time
-from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
-from studies.benchmark.classic import CLASSIC, convergence_of, in_linear_basis
+from studies.benchmark.convergence import CLASSIC, convergence_of, in_linear_basis, means
 from studies.benchmark.sizes import SIZES
 from studies.common.flames import NOISES, RIGS, Scene, scene
-from studies.common.problems import problem
-from studies.common.scans import reconstructed, seconds_of
+from studies.common.scans import problem, reconstructed, seconds_of
 from studies.common.study import Request, Tables
 from tomo import metrics
 from tomo.operators import LINEAR, VOXEL
@@ -46,7 +43,7 @@ def run(request: Request) -> Tables:
     for number, (seed, flame, views, noise) in enumerate(cases):
         request.progress(number, len(cases), f"accuracy, {flame}, {views} views, {noise}")
         rows.append(_row(scene(flame, views, noise, seed, finer), sizes.passes))
-    return {"accuracy": _means(rows)}
+    return {"accuracy": means(rows, "flame", "views", "noise")}
 
 
 def _row(shown: Scene, passes: int) -> dict[str, Any]:
@@ -69,20 +66,3 @@ def _row(shown: Scene, passes: int) -> dict[str, Any]:
         "best_classical": best,
         "best_classical_cosine_distance": found[best].least,
     }
-
-
-def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    groups: dict[tuple, list[Mapping[str, Any]]] = {}
-    for row in rows:
-        groups.setdefault((row["flame"], row["views"], row["noise"]), []).append(row)
-    found = []
-    for (flame, views, noise), group in groups.items():
-        mean = {"flame": flame, "views": views, "noise": noise, "seeds": len(group)}
-        mean |= {
-            key: statistics.fmean(row[key] for row in group)
-            for key, value in group[0].items()
-            if isinstance(value, float)
-        }
-        names = dict.fromkeys(row["best_classical"] for row in group)
-        found.append(mean | {"best_classical": " / ".join(names)})
-    return found

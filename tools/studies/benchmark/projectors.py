@@ -13,8 +13,7 @@ import numba
 import numpy as np
 
 from rigs import Rig, ring
-from studies.benchmark.reading import LARGE, read
-from studies.benchmark.scalar_walk import project
+from studies.benchmark.rivals import LARGE, project, read
 from studies.benchmark.sizes import SIZES
 from studies.common.study import Request, Tables
 from studies.common.timing import in_turn

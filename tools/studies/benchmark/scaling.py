@@ -9,20 +9,78 @@ target also runs one step of SIRT.
 from __future__ import annotations
 
 import json
+import statistics
+import sys
+import time
 from typing import TYPE_CHECKING, Any
 
+import numba
+import numpy as np
 import psutil
 
-from studies.benchmark.memory_child import cameras
+from rigs import Rig, ring
 from studies.benchmark.sizes import SIZES
 from studies.common.axes import curves
 from studies.common.study import Request, Tables
-from studies.common.timing import in_fresh_process
-from tomo import VoxelGrid
+from studies.common.timing import forget_the_peak, in_fresh_process, peak_resident
+from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.operators import STORED, estimate_memory
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+
+def cameras(views: int, pixels: int, grid: VoxelGrid) -> Rig:
+    """Return ``views`` square cameras, pitched in turn, whose images the grid just about fills."""
+    widest = float(np.linalg.norm(grid.extent))
+    return ring(
+        views,
+        distance=20 * widest,
+        image_size=(pixels, pixels),
+        footprint=0.75 * widest / pixels,
+        pitch_degrees=np.where(np.arange(views) % 2 == 0, 15.0, -15.0),
+    )
+
+
+def measure(edge: int, views: int, pixels: int, form: str, repeats: int, solver: str = "") -> dict:
+    """Return seconds and bytes of tracing and of products; ``solver`` also runs one iteration."""
+    grid = VoxelGrid((edge, edge, edge), 1.0)
+    rig = cameras(views, pixels, grid)
+    forget_the_peak()
+    before = psutil.Process().memory_info().rss
+    started = time.perf_counter()
+    projector = LinearSystem.from_rig(rig, grid, form=form).projector
+    traced = time.perf_counter()
+    found = {"trace_seconds": traced - started, "trace_bytes": peak_resident() - before}
+    volume = np.ones(projector.shape[1], np.float32)
+    images = projector @ volume
+    forward = time.perf_counter()
+    projector.T @ images
+    found |= {
+        "first_forward_seconds": forward - traced,
+        "first_adjoint_seconds": time.perf_counter() - forward,
+        "peak_bytes": peak_resident() - before,
+    }
+    if solver:
+        getattr(solvers, solver)(projector, images, iterations=1)
+        found["solver_bytes"] = peak_resident() - before
+    times: dict[str, list[float]] = {"forward": [], "adjoint": []}
+    for _ in range(repeats):
+        for name, product in (("forward", projector), ("adjoint", projector.T)):
+            operand = volume if name == "forward" else images
+            started = time.perf_counter()
+            product @ operand
+            times[name].append(time.perf_counter() - started)
+    return found | {
+        "forward_seconds": statistics.median(times["forward"]),
+        "adjoint_seconds": statistics.median(times["adjoint"]),
+        "rows": projector.shape[0],
+        "segments": projector.n_segments,
+        "voxels": grid.size,
+        "threads": numba.get_num_threads(),
+        "needed_bytes": 4 * (views * pixels**2 + 2 * grid.size),
+    }
+
 
 FORMS = ("on-the-fly", "stored")
 VIEWS = 12
@@ -72,7 +130,7 @@ def run(request: Request) -> Tables:
 
 def _measured(case: dict[str, Any], repeats: int) -> dict[str, Any]:
     asked = json.dumps(case | {"repeats": repeats})
-    row = case | in_fresh_process("studies.benchmark.memory_child", asked)
+    row = case | in_fresh_process("studies.benchmark.scaling", asked)
     row["over_needed"] = row["peak_bytes"] / row["needed_bytes"]
     if "solver_bytes" in row:
         row["solver_over_needed"] = row["solver_bytes"] / row["needed_bytes"]
@@ -103,3 +161,9 @@ def _drawn(tables: Tables) -> Figure | None:
 
 
 PLOTS = {"scaling_edge": _drawn}
+
+
+if __name__ == "__main__":
+    asked = json.loads(sys.argv[1])
+    measure(8, 2, 8, asked["form"], 1, asked.get("solver", ""))  # imports and compiled kernels
+    sys.stdout.write(json.dumps(measure(**asked)))

@@ -9,59 +9,26 @@ from studies.common.flames import FlameSize
 
 @dataclass(frozen=True)
 class Sizes:
-    """The numbers that make one benchmark longer than another.
+    """The numbers that make one benchmark longer than another."""
 
-    Attributes
-    ----------
-    flame, shown : FlameSize
-        Of the flames for solvers, training and mismatch, and for accuracy and skipping.
-    flames : tuple of str
-    seeds : tuple of int
-        Of the flames and noises reported; settings are tuned on seed 0.
-    passes : int
-        The most passes over the images that a solver is given.
-    settings : int
-        The most settings of a method that are tried on seed 0.
-    repeats : int
-        Timings a median is taken of.
-    effects : tuple of str
-        Of the study of mismatch, of `studies.benchmark.mismatch_scenes.EFFECTS`; all if empty.
-    training_steps : int
-        Steps of WERNet's training that are timed, of 3200 rays each before any is skipped.
-    rates : tuple of (int, int)
-        Voxels along the edge and views of the problems that rays are projected through.
-    stored : (int, int)
-        The same of the stored matrix.
-    edges, stored_edges : tuple of int
-        Voxels along the grid's edge as time and memory grow; those for a stored matrix.
-    views : tuple of int
-        How many views as these grow, of ``views_edge`` voxels along the edge.
-    large : (int, int, int)
-        Voxels along the edge, views, and pixels along an image's edge of the memory target.
-    starts : int
-        Processes started for a median.
-    afresh : tuple of str
-        What is also timed with nothing compiled, of `studies.benchmark.startup`.
-    """
-
-    flame: FlameSize
-    shown: FlameSize
+    flame: FlameSize  # for solvers, training and mismatch
+    shown: FlameSize  # for accuracy and skipping
     flames: tuple[str, ...]
-    seeds: tuple[int, ...]
-    passes: int
-    settings: int
-    repeats: int
-    effects: tuple[str, ...]
-    training_steps: int
-    rates: tuple[tuple[int, int], ...]
-    stored: tuple[int, int]
-    edges: tuple[int, ...]
+    seeds: tuple[int, ...]  # of flames and noises reported; settings are tuned on seed 0
+    passes: int  # the most over the images that a solver is given
+    settings: int  # the most of a method that are tried on seed 0
+    repeats: int  # of timings that a median is taken of
+    effects: tuple[str, ...]  # of `studies.benchmark.mismatch.EFFECTS`; all if empty
+    training_steps: int  # of 3200 rays each before any is skipped
+    rates: tuple[tuple[int, int], ...]  # voxels along the edge, and views, of projectors
+    stored: tuple[int, int]  # the same of the stored matrix
+    edges: tuple[int, ...]  # voxels along the edge as time and memory grow
     stored_edges: tuple[int, ...]
-    views: tuple[int, ...]
+    views: tuple[int, ...]  # as these grow, of ``views_edge`` voxels along the edge
     views_edge: int
-    large: tuple[int, int, int]
-    starts: int
-    afresh: tuple[str, ...]
+    large: tuple[int, int, int]  # voxels, views and pixels, along edges, of the memory target
+    starts: int  # processes started for a median
+    afresh: tuple[str, ...]  # also timed with nothing compiled, of `studies.benchmark.startup`
 
 
 SIZES = {

@@ -14,8 +14,7 @@ from typing import Any
 from studies.benchmark.convergence import converged
 from studies.benchmark.sizes import SIZES, Sizes
 from studies.common.flames import Scene, scene
-from studies.common.problems import problem
-from studies.common.scans import reconstructed, seconds_of
+from studies.common.scans import problem, reconstructed, seconds_of
 from studies.common.study import Request, Tables
 
 REACHED = 1e-3  # cosine distance whose time is measured

@@ -10,16 +10,14 @@ from __future__ import annotations
 
 import inspect
 import itertools
-import statistics
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from studies.benchmark.convergence import Convergence, converged
+from studies.benchmark.convergence import Convergence, converged, means
 from studies.benchmark.sizes import SIZES, Sizes
 from studies.common.axes import curves
 from studies.common.flames import NOISES, RIGS, Scene, scene
-from studies.common.problems import Problem, problem
-from studies.common.scans import reconstructed, seconds_of
+from studies.common.scans import Problem, problem, reconstructed, seconds_of
 from studies.common.study import Request, Tables
 from tomo import solvers
 
@@ -41,7 +39,7 @@ TRIED: Mapping[str, Mapping[str, tuple]] = {
 """Settings tried on seed 0, the likeliest first."""
 
 COLUMNS = {
-    "solvers": "flame views noise method settings seeds cosine_distance cosine_distance_spread "
+    "solvers": "flame views noise method settings seeds cosine_distance "
     "nrmse of_best_art best_pass seconds prepare_seconds",
 }
 
@@ -67,7 +65,7 @@ def run(request: Request) -> Tables:
             went = converged(ready[method], seen.scan.truth, method, chosen, passes=sizes.passes)
             runs.append(_run(seen, ready[method], method, chosen, went))
         runs.append(_default(seen))
-    return {"solvers": means(runs)}
+    return {"solvers": with_ratios(runs)}
 
 
 def settings_of(method: str, most: int) -> list[dict[str, Any]]:
@@ -80,37 +78,18 @@ def settings_of(method: str, most: int) -> list[dict[str, Any]]:
     return list(itertools.islice(every, most))
 
 
-def means(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return mean and standard deviation over the seeds, and the ratio to best-stopped ART."""
-    groups: dict[tuple, list[Mapping[str, Any]]] = {}
-    for one in runs:
-        key = one["flame"], one["views"], one["noise"], one["method"]
-        groups.setdefault(key, []).append(one)
-    mean = {key: _mean(group, "cosine_distance") for key, group in groups.items()}
-    return [
-        dict(zip(("flame", "views", "noise", "method"), key, strict=True))
-        | {
-            "settings": group[0]["settings"],
-            "seeds": len(group),
-            "cosine_distance_spread": _spread(one["cosine_distance"] for one in group),
-            "of_best_art": mean[key] / mean[*key[:3], BASELINE],
-            "curves": group[0]["curves"],
-        }
-        | {
-            name: _mean(group, name)
-            for name in ("cosine_distance", "nrmse", "best_pass", "seconds", "prepare_seconds")
-        }
-        for key, group in groups.items()
-    ]
-
-
-def _mean(group: Sequence[Mapping[str, Any]], key: str) -> float:
-    return statistics.fmean(one[key] for one in group)
-
-
-def _spread(values: Iterator[float]) -> float:
-    values = list(values)
-    return statistics.stdev(values) if len(values) > 1 else 0.0
+def with_ratios(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+    """Return means over the seeds, and the ratio to best-stopped ART."""
+    scene = "flame", "views", "noise"
+    found = means(runs, *scene, "method")
+    art = {
+        tuple(row[key] for key in scene): row["cosine_distance"]
+        for row in found
+        if row["method"] == BASELINE
+    }
+    for row in found:
+        row["of_best_art"] = row["cosine_distance"] / art[tuple(row[key] for key in scene)]
+    return found
 
 
 def _tuned(method: str, ready: Problem, seen: Scene, sizes: Sizes) -> dict[str, Any]:

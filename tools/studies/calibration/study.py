@@ -21,15 +21,46 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig, Volume
+from rigs import Rig, Volume, box_points, ray_miss
 from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.detect import observe
 from rigs.calibrate.targets import parse_target
-from studies.calibration.cases import CASES, TARGET, TINY, Case, pictures
 from studies.calibration.peer import attempts
-from studies.calibration.scenes import COMPLETE, arc_rig, held
-from studies.calibration.truth import in_metres, of_complete_targets, true_ray_miss
+from studies.calibration.scenes import CASES, COMPLETE, TARGET, TINY, Case, arc_rig, held, pictures
 from studies.common.study import Request, Tables
+
+
+def true_ray_miss(true: Rig, estimated: Rig, volume: Volume, points_per_side: int = 5) -> float:
+    """Return the RMS distance of estimated rays from their best common point.
+
+    Points of the volume are projected with the true cameras, and the pixels cast back with the
+    estimated ones of the same names.
+
+    Parameters
+    ----------
+    true : Rig
+        In whose world the volume is.
+    estimated : Rig
+        In any world and unit: the distance comes in that unit.
+    volume : Volume
+    points_per_side : int
+        Of the grid of points, the volume's faces included.
+    """
+    corners = volume.corners()
+    points = box_points(corners[0], corners[-1], points_per_side)
+    return ray_miss(true, estimated, points)
+
+
+def in_metres(observations: Observations) -> Observations:
+    """Return observations of a target in millimetres with its points in metres."""
+    return replace(observations, target_points=observations.target_points / 1000)
+
+
+def of_complete_targets(observations: Observations) -> Observations:
+    """Return the observations in images that show every point of the target."""
+    complete = observations.counts() == len(observations.target_points)  # (cameras, frames)
+    return observations.where(complete[observations.camera, observations.frame])
+
 
 Row = dict[str, Any]
 

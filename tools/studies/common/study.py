@@ -150,8 +150,8 @@ def _measure(
     """Run the parts that are wanted and not there yet; return how many rows do not hold."""
     from rigs.files import atomic_path
     from rigs.files.text import plain, write_json
-    from studies.common.machine import cpu_seconds, load
     from studies.common.page import page
+    from studies.common.results import cpu_seconds, load
 
     kept = dict(result["parts"])
     for name in dict.fromkeys(wanted or study.parts):

@@ -1,9 +1,10 @@
-"""Timings that can be compared: in one process, in turn, medians; or in fresh processes."""
+"""Timings that can be compared, in turn or in fresh processes, and the memory of processes."""
 
 from __future__ import annotations
 
 import json
 import os
+import resource
 import statistics
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 TOOLS = Path(__file__).resolve().parents[2]
+HIGH_WATER = Path("/proc/self/status")
 LIMIT = 900.0  # seconds; a process that takes longer hangs
 
 
@@ -58,7 +60,7 @@ def in_fresh_process(
     Parameters
     ----------
     module : str
-        As ``studies.benchmark.memory_child``.
+        As ``studies.benchmark.scaling``.
     arguments : str
     environment : mapping, optional
         Variables to set in addition to those of this process.
@@ -84,3 +86,24 @@ def in_fresh_process(
         words = done.stderr.strip().splitlines() or [f"exit code {done.returncode}"]
         raise RuntimeError(f"{module} {' '.join(arguments)}: {words[-1]}")
     return {**json.loads(done.stdout or "{}"), "wall_seconds": wall}
+
+
+def peak_resident() -> int:
+    """Return the largest resident memory of this process so far, in bytes.
+
+    From the kernel's high-water mark where there is one: ``ru_maxrss`` of a child begins with
+    what its parent had when it forked.
+    """
+    try:
+        line = next(x for x in HIGH_WATER.read_text("ascii").splitlines() if "VmHWM" in x)
+        return int(line.split()[1]) * 1024
+    except (OSError, StopIteration):
+        return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024
+
+
+def forget_the_peak() -> None:
+    """Let the high-water mark begin anew where the system can: imports have a peak too."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5", "ascii")
+    except OSError:
+        return

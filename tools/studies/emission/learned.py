@@ -13,7 +13,7 @@ import torch
 from torch import nn
 from torch.nn import functional
 
-from studies.common.problems import problem
+from studies.common.scans import problem
 from studies.emission.course import Course
 from studies.emission.scenes import Seen
 from tomo.wernet import project

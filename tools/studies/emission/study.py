@@ -2,29 +2,99 @@
 
 from __future__ import annotations
 
+import statistics
 from collections.abc import Mapping, Sequence
 from functools import cache as once
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from rigs.files import atomic_path
 from rigs.files.text import plain, write_json
 from rigs.progress import progress_of
+from studies.common.axes import curves
 from studies.common.fingerprint import commit
-from studies.common.machine import load
 from studies.common.page import markdown
-from studies.common.results import fresh_run, kept_run
-from studies.common.study import Request
+from studies.common.results import fresh_run, kept_run, load
+from studies.common.study import Request, Tables
 from studies.emission import archive as archives
 from studies.emission.methods import METHODS, ours
 from studies.emission.scenes import GRID, QUICK, SCENES, TINY_GRID, VERSION, seen
-from studies.emission.tables import figure_of, tables_of
 from studies.scenes.processes import MOST, at_work, warm_up
 from tomo import VoxelGrid
 from tomo.cli.console import bad_input_in_one_line, print_json, say
 from tomo.cli.inputs import check_output_file, check_output_folder
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+Row = Mapping[str, Any]
+
+BASELINE = "auto"
+MARKS = ("*", "^", "s", "P", "X")
+"""Signs of the methods that choose their own end, in the order of `METHODS`."""
+
+
+def tables_of(rows: Sequence[Row]) -> Tables:
+    """Return means by method, and the nearest of each scene."""
+    by_scene: dict[str, dict[str, Row]] = {}
+    for name in SCENES:
+        own = {row["method"]: row for row in rows if row["scene"] == name}
+        if own:
+            by_scene[name] = own
+    return {
+        "methods": [
+            _means(m, by_scene) for m in METHODS if any(m in o for o in by_scene.values())
+        ],
+        "nearest": [_nearest(name, own) for name, own in by_scene.items() if BASELINE in own],
+    }
+
+
+def _means(method: str, by_scene: Mapping[str, Mapping[str, Row]]) -> Row:
+    """Return what a method came to over its scenes, and against the default on those."""
+    own = [scene[method] for scene in by_scene.values() if method in scene]
+    both = [s for s in by_scene.values() if method in s and BASELINE in s]
+    ratios = [s[method]["nrmse"] / s[BASELINE]["nrmse"] for s in both]
+    return {
+        "method": method,
+        "tuned_by_truth": not METHODS[method].is_ours,
+        "scenes": len(own),
+        "nrmse_of_auto": statistics.geometric_mean(ratios) if ratios else None,
+        "nearer_than_auto": sum(ratio < 1 for ratio in ratios),
+        "ssim": statistics.fmean(row["ssim"] for row in own),
+        "held_out_psnr": statistics.fmean(row["held_out_psnr"] for row in own),
+        "cpu_seconds": statistics.median(row["cpu_seconds"] for row in own),
+        "tuning_seconds": statistics.median(row["tuning_seconds"] or 0.0 for row in own),
+    }
+
+
+def _nearest(name: str, own: Mapping[str, Row]) -> Row:
+    """Return which method is nearest to a scene's truth, and how far the default is from it."""
+    best = min(own.values(), key=lambda row: row["nrmse"])
+    return {
+        "scene": name,
+        "family": SCENES[name].family,
+        "rig": SCENES[name].rig,
+        "nearest": best["method"],
+        "its_nrmse": best["nrmse"],
+        "auto_nrmse": own[BASELINE]["nrmse"],
+        "auto_of_nearest": own[BASELINE]["nrmse"] / best["nrmse"],
+        "its_seconds": best["cpu_seconds"],
+        "auto_seconds": own[BASELINE]["cpu_seconds"],
+    }
+
+
+def figure_of(by_scene: Mapping[str, Mapping[str, list]]) -> Figure:
+    """Draw a panel a scene: the least error that each method had by a run time."""
+    panels = {
+        name: {m: by_scene[name][m] for m in METHODS if m in by_scene[name]}
+        for name in SCENES
+        if name in by_scene
+    }
+    marks = dict(zip((m for m in METHODS if METHODS[m].is_ours), MARKS, strict=True))
+    return curves(panels, "CPU seconds, one thread", "NRMSE", most_abreast=3, marks=marks)
+
 
 PART = "scenes"
 SIZES = {"full": (GRID, tuple(SCENES)), "quick": (GRID, QUICK), "tiny": (TINY_GRID, QUICK[:1])}

@@ -22,8 +22,7 @@ from rigs import Rig
 from studies.common.scans import reconstructed, seconds_of
 from studies.common.study import Request, Tables
 from studies.optics.cases import CASES, base
-from studies.optics.flame import Flame
-from studies.optics.light import image
+from studies.optics.light import Flame, image
 from studies.optics.sights import Sight
 from tomo import Scan, VoxelGrid
 

@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.text import write_json
-from studies.benchmark.classic import Candidate, in_linear_basis
-from studies.benchmark.convergence import converged
-from studies.common.problems import Problem, problem
+from studies.benchmark.convergence import Candidate, converged, in_linear_basis
+from studies.common.scans import Problem, problem
 from studies.scenes.scene import KnownScene
 from tomo.operators import LINEAR, VOXEL
 from tomo.solvers.curvature import FIRST

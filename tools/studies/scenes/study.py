@@ -13,8 +13,8 @@ import typer
 from rigs.files import atomic_path
 from rigs.files.text import plain, write_json
 from rigs.progress import progress_of
-from studies.common.machine import machine
 from studies.common.page import markdown
+from studies.common.results import machine
 from studies.scenes.compare import tables_of
 from studies.scenes.design import everything, sample
 from studies.scenes.judge import extend, read_rows

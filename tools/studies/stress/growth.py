@@ -18,11 +18,10 @@ import numpy as np
 import psutil
 from scipy.stats import linregress
 
-from studies.benchmark.memory_child import forget_the_peak, peak_resident
 from studies.common.axes import curves
 from studies.common.scans import reconstructed, simulated_by
 from studies.common.study import Request, Tables
-from studies.common.timing import in_fresh_process
+from studies.common.timing import forget_the_peak, in_fresh_process, peak_resident
 from studies.stress.row import COLUMNS as ROWS
 from studies.stress.row import Row, measured
 from studies.stress.scene import jet_by, ring

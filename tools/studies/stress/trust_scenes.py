@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from studies.common.flames import PHOTONS, flame_rig, with_noise
-from studies.common.problems import Problem, problem
-from studies.common.scans import simulated_by
+from studies.common.scans import Problem, problem, simulated_by
 from tomo import VoxelGrid
 from tomo.selection import Choice, choose_by_left_out_pixels, solve_as_chosen
 from tomo.simulation import simulate_images

@@ -1,1 +1,0 @@
-"""Cameras refined from images of flames, against known rigs and on a real plume."""
