@@ -30,10 +30,7 @@ the mean of a field, in its standard deviations: larger, faint clouds stay."""
 class Scores:
     """The scores of one scene, with the null that they are compared with and the limits.
 
-    Parameters
-    ----------
-    look_outside : bool
-        Whether light may come from around the grid.
+    With ``look_outside`` light may come from around the grid.
 
     Attributes
     ----------

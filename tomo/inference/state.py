@@ -23,18 +23,10 @@ OUTSIDE, HIDDEN = "outside", "hidden"
 class State:
     """How far the inference came.
 
-    Attributes
-    ----------
-    fits : tuple of Fit
-        One a frame.
-    values : mapping of str to (views, parameters)
-        Of the effects so far, common to all frames.
-    free : mapping of str to (views, parameters) bool
-        Those that were let loose.
-    hidden : (views,) bool
-        The views of which pixels are left out that nothing explains.
-    is_dark_around : bool
-        Whether backgrounds explain what light from around the grid would.
+    There is a fit a frame. ``values`` (views, parameters) are of the effects so far, common to
+    all frames; ``free`` are those that were let loose; ``hidden`` (views,) the views of which
+    pixels are left out that nothing explains. ``is_dark_around``: backgrounds explain what
+    light from around the grid would.
     """
 
     fits: tuple[Fit, ...]

@@ -32,10 +32,7 @@ def voxel_means(coefficients: NDArray[np.floating]) -> NDArray[np.floating]:
     The emission is ``sum_j c_j hat(x - x_j) hat(y - y_j) hat(z - z_j)``; hats are two voxels
     wide. The mean along each axis is ``c_(j-1) / 8 + 3 c_j / 4 + c_(j+1) / 8``.
 
-    Parameters
-    ----------
-    coefficients : (nx, ny, nz)
-        The emission at the voxels' centres.
+    ``coefficients`` (nx, ny, nz) are the emission at the voxels' centres.
 
     Returns
     -------

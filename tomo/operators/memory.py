@@ -134,10 +134,7 @@ def check_memory(
 ) -> MemoryNeed:
     """Refuse a grid that the memory cannot hold, before anything is allocated.
 
-    Parameters
-    ----------
-    available : int, optional
-        Bytes that may be used; what the system has free when None.
+    ``available`` are the bytes that may be used; what the system has free when None.
 
     Raises
     ------

@@ -41,10 +41,7 @@ class Effort:
 def estimate_effort(rig: Rig, grid: VoxelGrid, *, available: int | None = None) -> Effort:
     """Time two random samples of the rays and extrapolate along the line through both.
 
-    Parameters
-    ----------
-    available : int, optional
-        Bytes that may be used; what the system has free when None.
+    ``available`` are the bytes that may be used; what the system has free when None.
 
     Raises
     ------

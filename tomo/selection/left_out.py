@@ -34,17 +34,9 @@ class LeftOut:
     training of an encoder. With few views all of one view is left out as well: the few would teach
     what is wrong with each of them, and predict their own pixels by it.
 
-    Attributes
-    ----------
-    projector : ProjectionOperator
-        Of all pixels; its entries are segment lengths.
-    measured : (pixels,) float32
-    held : (pixels,) bool
-        True where a pixel is left out.
-    blocks : (pixels,) int
-        Pixels of a block are left out together.
-    weights : (pixels,) float32, optional
-        Weights of the squared residuals; all 1 when None.
+    ``projector`` is that of all pixels, its entries segment lengths; ``held`` (pixels,) is
+    True where a pixel is left out, pixels of one of the ``blocks`` (pixels,) together.
+    ``weights`` (pixels,) are those of the squared residuals.
     """
 
     projector: ProjectionOperator

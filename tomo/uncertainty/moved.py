@@ -28,16 +28,9 @@ AXIS = (0.26, 0.86, -0.43)
 class Moved:
     """Two solves of one moved volume, with noise of either sign.
 
-    Attributes
-    ----------
-    truth : (nx, ny, nz) float32
-        The moved volume, which the images of both are made of.
-    found : tuple of two (nx, ny, nz) float32
-        The reconstructions.
-    images : (pixels,) float32
-        Those that the first is of.
-    remains : float
-        Fraction of the noise that the residual of the first still has.
+    ``truth`` is the moved volume, which the images of both are made of; ``found`` are the
+    reconstructions, ``images`` those that the first is of. ``remains`` is the fraction of the
+    noise that the residual of the first still has.
     """
 
     truth: NDArray[np.float32]

@@ -153,19 +153,9 @@ class OuterIterations:
 class EncoderTraining:
     """The encoder's half of the alternating minimisation over weights and voxels.
 
-    Parameters
-    ----------
-    rays : Rays
-        Of all pixels, seen as "optics".
-    measured : (rays,) float32
-    encoder : Encoder
-        Trained in place.
-    iterations : int
-        Outer iterations over which the learning rate falls.
-    seed : int
-        Seed of the order of the rays.
-    held : (rays,) bool
-        Rays that are not trained on.
+    ``rays`` are those of all pixels, seen as "optics", and ``measured`` (rays,) what they show;
+    rays that are ``held`` (rays,) are not trained on. The encoder is trained in place, and the
+    learning rate falls over ``iterations`` outer ones. ``seed`` is that of the order of the rays.
 
     Notes
     -----
@@ -176,10 +166,7 @@ class EncoderTraining:
     with the offset ``d`` of the present prediction, in the basis of the solve, from the sum over
     voxels of even emission: else the encoder would learn what these lack.
 
-    Attributes
-    ----------
-    unit : float
-        The root mean square of the measured pixels.
+    ``unit`` is the root mean square of the measured pixels.
     """
 
     def __init__(

@@ -119,14 +119,9 @@ class TrainingDivergedError(FloatingPointError):
 class JointTraining:
     """The paper's training of voxels and encoder: epochs of all rays, in a random order.
 
-    Parameters
-    ----------
-    encoder : Encoder
-        The model's; trained unless its parameters are frozen.
-    measured : (frames, pixels) float64
-        Their largest value is one.
-    generator : torch.Generator
-        Of the order of the rays; on the CPU, so that it does not depend on the device.
+    The encoder is the model's, trained unless its parameters are frozen; ``measured`` (frames,
+    pixels) have the largest value one; ``generator`` is that of the order of the rays, on the
+    CPU, so that it does not depend on the device.
     """
 
     def __init__(
