@@ -8,7 +8,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "compare": ["compare_rigs"],
         "coverage": ["Coverage"],
         "lines_of_sight": ["ray_distances", "ray_miss"],
-        "in_volume": ["check_rig", "convention_errors_in", "scale_for"],
-        "rig_check": ["check_points"],
+        "rig_check": ["check_points", "check_rig", "convention_errors_in", "scale_for"],
     },
 )

@@ -118,7 +118,7 @@ def compare_rigs(
         )
     second = in_unit(second, first.length_unit)
     one, other = ([rig[name] for name in names] for rig in (first, second))
-    R, t, scale = _motion(one, other) if align else (np.eye(3), np.zeros(3), _scale(one, other))
+    R, t = _motion(one, other) if align else (np.eye(3), np.zeros(3))
     moved = second.transformed(R, t)
     middle = np.mean([camera.position for camera in other], axis=0)
     miss = None
@@ -140,14 +140,14 @@ def compare_rigs(
         t,
         _angle(R),
         float(np.linalg.norm(R @ middle + t - middle)),
-        scale,
+        _scale(one, other),
         math.nan if miss is None else finite_rms(miss),
         moved,
     )
 
 
-def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, NDArray, float]:
-    """Return R, t of ``x_one = R x_other + t``, and how much larger the first is."""
+def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, NDArray]:
+    """Return R, t of ``x_one = R x_other + t``."""
     positions = [np.array([camera.position for camera in some]) for some in (one, other)]
     arm = _spread(positions[0]) or 1.0
     clouds = [
@@ -156,8 +156,7 @@ def _motion(one: list[CameraLike], other: list[CameraLike]) -> tuple[NDArray, ND
         )
         for position, some in zip(positions, (one, other), strict=True)
     ]
-    R, t, _ = motion_between(clouds[1], clouds[0])
-    return R, t, _scale(one, other)
+    return motion_between(clouds[1], clouds[0])[:2]
 
 
 def _scale(one: list[CameraLike], other: list[CameraLike]) -> float:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -12,6 +13,7 @@ from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
 from rigs.check.coverage import coverage
 from rigs.check.lines_of_sight import field_of_view
+from rigs.check.result import Finding
 from rigs.geometry.points import evenly_spread
 from rigs.rig import Rig
 
@@ -34,60 +36,32 @@ _COARSE = 8.0  # voxels per pixel; no rig is built with coarser pixels
 _FINE = 1 / 8  # voxels per pixel; finer ones with little of the volume in view are an error
 
 
-@dataclass(frozen=True)
-class ConventionError:
-    """An interpretation of the rig by which cameras see the volume that do not as given.
-
-    Attributes
-    ----------
-    text : str
-        The likely error and its correction.
-    cameras : tuple of str
-        The cameras that it concerns.
-    """
-
-    text: str
-    cameras: tuple[str, ...]
-
-
-def find_convention_errors(
-    rig: Rig, points: ArrayLike, voxel: float
-) -> tuple[ConventionError, ...]:
+def find_convention_errors(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Finding, ...]:
     """Return the errors of convention or unit that explain why cameras see the volume badly.
 
-    Parameters
-    ----------
-    rig : Rig
-    points : (N, 3) array_like
-        Spread over the volume.
-    voxel : float
-        A voxel's edge length.
-
-    Notes
-    -----
-    A camera is suspected that sees less than 2 % of the volume, or with pixels larger than 8
-    voxels, or less than a quarter of it with pixels smaller than 1/8 voxel. Each known error is
-    corrected in turn; the first is returned after whose correction those cameras see most of the
-    volume with pixels of 0.01 to 4 voxels. A rig whose world is mirrored as a whole is consistent
-    in itself and is not detected: only images show it.
+    Points ``(N, 3)`` are spread over the volume; a voxel is ``voxel`` wide. A camera is suspected
+    that sees less than 2 % of the volume, or with pixels larger than 8 voxels, or less than a
+    quarter of it with pixels smaller than 1/8 voxel. Each known error is corrected in turn; the
+    first is returned after whose correction those cameras see most of the volume with pixels of
+    0.01 to 4 voxels. A rig whose world is mirrored as a whole is consistent in itself and is not
+    detected: only images show it.
     """
     points = np.asarray(points, np.float64)
     fraction, size = _view_of_volume(rig, points, voxel)
     wrong = (fraction < 0.02) | (size > _COARSE) | ((fraction < 0.25) & (size < _FINE))
-    cameras = tuple(
-        camera
-        for camera, is_wrong in zip(rig, wrong, strict=True)
-        if is_wrong and camera.has_lens_model  # stored rays have no pose that could be mistaken
-    )
+    # stored rays have no pose that could be mistaken
+    cameras = tuple(camera for camera in compress(rig, wrong) if camera.has_lens_model)
     if not cameras:
         return ()
     for alternatives in _corrections():
         text = _best(rig, cameras, alternatives, points, voxel)
         if text is not None:
-            return (ConventionError(text, tuple(camera.name for camera in cameras)),)
+            return (Finding("fault", text, tuple(camera.name for camera in cameras)),)
     if (size > _COARSE).all():
         text = f"pixels are {np.median(size):.3g} voxels wide at the volume, in every camera"
-        return (ConventionError(f"{text}: rig and grid seem to be in different units", rig.names),)
+        return (
+            Finding("fault", f"{text}: rig and grid seem to be in different units", rig.names),
+        )
     return ()
 
 

@@ -70,13 +70,8 @@ def expected_ray_miss(
 ) -> NDArray[np.float64]:
     """Return the expected ray-miss of lines with known errors, ``(N,)``; see `coverage`.
 
-    Parameters
-    ----------
-    directions : (N, C, 3) float64
-        Unit vectors along the lines; anything where there is no line.
-    error : (N, C) float64
-        RMS displacement of each line along each direction across it, in lengths; NaN where
-        there is no line.
+    ``directions`` ``(N, C, 3)`` are unit vectors along the lines. ``error`` ``(N, C)`` is the RMS
+    displacement of each along each direction across it, in lengths; NaN where there is no line.
     """
     there = np.isfinite(error)
     variance = np.where(there, error, 0.0) ** 2  # (N, C)

@@ -8,21 +8,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.check.words import direction_words, short
 from rigs.geometry.points import evenly_spread
 
 DIRECTIONS = 1000
 """Directions over the half sphere, 4.5 degrees apart. Fewer miss the gaps between 33 views, more
 take longer; the worst one is refined."""
 
-_POINTS = 100
-"""Points of a volume that the quantiles are taken over; all of them give the same to 1 %."""
+_POINTS = 100  # of a volume that the quantiles are taken over; all of them give the same to 1 %
+_STEP = math.radians(4.5)  # first, from the worst of these directions to the worst of all
+_CHUNK = 2_000_000  # wavelengths computed at once, 16 MB; more need more memory
 
-_STEP = math.radians(4.5)
-"""First step from the worst of these directions to the worst of all."""
-
-_CHUNK = 2_000_000
-"""Wavelengths computed at once, 16 MB; more need more memory."""
+_ALONG_AXIS = math.cos(math.radians(20.0))
+"""Cosine up to which a direction goes by the name of an axis; it says where, not by how much."""
 
 AS_LARGE = 0.9
 """Wavelength, relative to the object's extent along the same direction, from which shapes are a
@@ -161,10 +158,7 @@ class ViewsOfObject:
         )
 
     def wavelengths(self, directions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Return ``lambda(n)`` at each point along unit vectors ``(M, 3)``, ``(N, M)``.
-
-        Infinite at points that no camera sees.
-        """
+        """Return ``lambda(n)`` at points along unit vectors ``(M, 3)``: ``(N, M)``, inf unseen."""
         lengths = object_length(self.lines, self.covariance)  # (N, C)
         finest = np.fmax(2 * self.footprint, self.voxel)  # (N, C)
         found = 2 * np.abs(self.lines @ directions.T) * lengths[..., None]  # (N, C, M)
@@ -174,10 +168,7 @@ class ViewsOfObject:
     def resolved(self, weights: NDArray[np.float64] | None = None) -> ResolvedWavelength:
         """Return the quantiles over points and directions, and the worst direction.
 
-        Parameters
-        ----------
-        weights : (N,) float64, optional
-            Parts of the object that the points stand for; equal when None.
+        Points stand for parts of the object, ``weights`` ``(N,)``; equal when None.
         """
         weights = np.ones(len(self.lines)) if weights is None else weights
         some = np.flatnonzero(self.seen.any(axis=1))
@@ -209,10 +200,7 @@ class ViewsOfObject:
         return quantile
 
     def growth_without(self) -> NDArray[np.float64]:
-        """Return the growth of the median of `at_points` without each camera, ``(C,)``.
-
-        Infinite where no camera is left.
-        """
+        """Return how `at_points`' median grows without each camera ``(C,)``; inf without any."""
         views = self.at(evenly_spread(len(self.lines), _POINTS // 2))
         before = _finite_median(views.at_points())
         cameras = range(self.seen.shape[1])
@@ -294,3 +282,17 @@ def _finite_median(values: NDArray) -> float:
     """Return the median of the finite values; NaN without any."""
     values = values[np.isfinite(values)]
     return float(np.median(values)) if len(values) else math.nan
+
+
+def short(value: float) -> str:
+    """Return a number of two digits, without an exponent where it is large."""
+    return f"{value:.2g}" if value < 100 else f"{value:.0f}"
+
+
+def direction_words(direction: NDArray[np.float64]) -> str:
+    """Return a direction as the name of the axis that it follows, or as a vector."""
+    direction = direction * math.copysign(1.0, direction[np.abs(direction).argmax()])
+    axis = int(np.abs(direction).argmax())
+    if abs(direction[axis]) >= _ALONG_AXIS:
+        return "xyz"[axis]
+    return "(" + ", ".join(f"{round(value, 1) + 0.0:g}" for value in direction) + ")"

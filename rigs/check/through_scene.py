@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.check.resolved_wavelength import short
 from rigs.check.result import Finding, RigCheck
-from rigs.check.words import short
 from rigs.scene import Glass, Scene, SceneCamera, Window
 from rigs.scene.tracing import OPEN
 
@@ -81,21 +81,11 @@ def gas(check: RigCheck) -> Iterator[Finding]:
 
 @dataclass(frozen=True)
 class Shift:
-    """How glass moves the line of sight through the volume's middle.
+    """How glass moves the line of sight through the volume's middle."""
 
-    Attributes
-    ----------
-    length : float
-        Distance of the middle from the straight line of the same pixel.
-    by_colour : float
-        Difference of the lengths between the ends of the visible band.
-    angle : float
-        Angle to the normal of the first window on the way, in degrees; NaN without a window.
-    """
-
-    length: float
-    by_colour: float
-    angle: float
+    length: float  # distance of the middle from the straight line of the same pixel
+    by_colour: float  # difference of the lengths between the ends of the visible band
+    angle: float  # degrees, to the normal of the first window on the way; NaN without
 
 
 def shift_at(camera: SceneCamera, point: NDArray[np.float64]) -> Shift | None:
@@ -120,8 +110,16 @@ def shift_at(camera: SceneCamera, point: NDArray[np.float64]) -> Shift | None:
         for direction, solid in zip(paths.directions[:last], ends, strict=True)
         if isinstance(solid, Window)
     ]
-    places = [_passes(camera, uv, scene, point) for scene in _in_colours(camera.scene)]
-    straight = _passes(camera, uv, _without_glass(camera.scene), point)
+    slope = 1 / (_ABBE * (486.1**-2 - 656.3**-2))  # of (n - 1) times 1 / w²
+
+    def bent(colour: float) -> Scene:
+        change = slope * (colour**-2 - 589.3**-2)
+        return _with_indices(camera.scene, lambda index: 1 + (index - 1) * (1 + change))
+
+    places = [_passes(camera, uv, bent(colour), point) for colour in _COLOURS]
+    straight = _passes(
+        camera, uv, _with_indices(camera.scene, lambda index: camera.scene.medium), point
+    )
     by_colour = float(np.linalg.norm(places[0] - places[1]))
     angle = angles[0] if angles else np.nan  # later faces are met inside the glass
     return Shift(float(np.linalg.norm(straight - point)), by_colour, angle)
@@ -158,23 +156,6 @@ def _passes(
     piece = int(paths.nearest_pieces(point)[0])
     origin, direction = paths.origins[piece], paths.directions[piece]
     return origin + ((point - origin) @ direction) * direction
-
-
-def _in_colours(scene: Scene) -> tuple[Scene, Scene]:
-    """Return the scene at both ends of the visible band."""
-    slope = 1 / (_ABBE * (486.1**-2 - 656.3**-2))  # of (n - 1) times 1 / w²
-    changes = [slope * (colour**-2 - 589.3**-2) for colour in _COLOURS]
-
-    def changed(change: float) -> Scene:
-        return _with_indices(scene, lambda index: 1 + (index - 1) * (1 + change))
-
-    blue, red = map(changed, changes)
-    return blue, red
-
-
-def _without_glass(scene: Scene) -> Scene:
-    """Return the scene whose glass bends nothing."""
-    return _with_indices(scene, lambda index: scene.medium)
 
 
 def _with_indices(scene: Scene, change: Callable[[float], float]) -> Scene:

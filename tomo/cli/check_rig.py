@@ -223,7 +223,7 @@ def _say_finding(level: str, cameras: tuple[str, ...], text: str) -> None:
 
 def _costs(need: MemoryNeed, effort: Effort | None, iterations: int, why: str) -> str:
     """Return memory and time in words."""
-    from rigs.check.words import short
+    from rigs.check.resolved_wavelength import short
 
     text = f"{need.voxels:,} voxels, {need.rays:,} rays, {need.segments:,} segments, "
     text += f"about {need.nbytes / 1e9:.2g} GB"

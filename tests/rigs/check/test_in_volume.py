@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rigs import Rig, Volume, check_rig, ring
-from rigs.check.in_volume import MOST_POINTS, centers_of, lattice
+from rigs.check.rig_check import MOST_POINTS, centers_of, lattice
 
 BOX = Volume((12, 20, 8), (1.0, 0.5, 2.0), (1.0, 2.0, 3.0))
 RIG = ring(8, distance=200.0, image_size=(60, 60), footprint=0.6, center=BOX.center, volume=BOX)

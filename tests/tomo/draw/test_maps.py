@@ -6,7 +6,7 @@ import pytest
 import trimesh
 
 from rigs import check_rig, look_at, ring
-from rigs.check.in_volume import lattice
+from rigs.check.rig_check import lattice
 from tomo.draw import Scene, Viewpoint, write_glb
 from tomo.draw.figures import save_figure
 from tomo.draw.raster import render

@@ -8,8 +8,8 @@ from dataclasses import replace
 from rigs import Rig
 from rigs.check import compare_rigs
 from rigs.check.compare import RigDifference
-from rigs.check.in_volume import centers_of, lattice
 from rigs.check.result import RigCheck
+from rigs.check.rig_check import centers_of, lattice
 from tomo.draw import shapes
 from tomo.draw.rig.rig_scene import Target, rig_scene, typical_distance
 from tomo.draw.scene import Mesh, Scene, rgb

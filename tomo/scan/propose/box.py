@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from rigs import Rig, point_in_view
 from rigs.check.grid_choice import shrinkable, suitable_voxel
-from rigs.check.in_volume import check_rig
 from rigs.check.result import RigCheck
+from rigs.check.rig_check import check_rig
 from tomo.grid import VoxelGrid
 from tomo.hull.carving import Carving, carve
 from tomo.hull.darkness import Brightness
