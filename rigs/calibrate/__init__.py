@@ -14,7 +14,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "quality.quality": ["Quality"],
         "result": ["Calibration"],
         "synchrony": ["Synchrony"],
-        "refraction.window_prior": ["WindowPrior"],
+        "refraction.refraction": ["WindowPrior"],
         "targets.boards": ["CharucoBoard", "Chessboard", "parse_target"],
         "targets.circle_grid": ["CircleGrid"],
     },

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from rigs.calibrate.adjust.lens_choice import LensRules
 from rigs.calibrate.adjust.observation_arrays import (
@@ -17,16 +17,20 @@ from rigs.calibrate.adjust.observation_arrays import (
 )
 from rigs.calibrate.adjust.world import in_world
 from rigs.calibrate.joint_adjustment import adjust_together
-from rigs.calibrate.observations import Observations
-from rigs.calibrate.options import check_options, check_rules, common_lenses
+from rigs.calibrate.observations import Observations, without_repeats
+from rigs.calibrate.options import (
+    check_common_sizes,
+    check_lens_options,
+    check_options,
+    common_lenses,
+)
 from rigs.calibrate.quality.assessment import assessment, findings
 from rigs.calibrate.quality.covariance import labels, refuse_unknown_lenses
 from rigs.calibrate.quality.ignored_glass import ignored_glass
 from rigs.calibrate.quality.quality import measure
-from rigs.calibrate.quality.summary import summary
 from rigs.calibrate.quality.windows import AdjustedWindow, adjusted_windows, window_findings
-from rigs.calibrate.refraction.window_prior import WindowPrior
-from rigs.calibrate.result import Calibration
+from rigs.calibrate.refraction.refraction import WindowPrior
+from rigs.calibrate.result import Calibration, summary
 from rigs.calibrate.through_scene import Through, adjust_through, looked_through
 from rigs.camera import Camera
 from rigs.rig import Rig, Volume
@@ -120,30 +124,31 @@ def calibrate(
         target=target,
         scene=scene,
     )
-    rules = LensRules(
-        square_pixels, fixed_center, common_lenses(observations.cameras, common_lens)
-    )
-    check_rules(rules, observations.image_sizes, observations.cameras, intrinsics)
     names, points = observations.cameras, observations.target_points
+    rules = LensRules(square_pixels, fixed_center, common_lenses(names, common_lens))
+    known = {"square_pixels": square_pixels, "fixed_center": fixed_center}
+    check_lens_options(intrinsics, known | {"common_lens": rules.common})
+    check_common_sizes(rules.common, observations.image_sizes, names)
     keep, frozen, repeats = without_repeats(observations)
     scale = float(np.linalg.norm(np.ptp(points, axis=0)))  # adjusted in units of the target's size
-    together = adjust_together
-    if scene is not None:
-        through = _through(scene, windows, observations, world)
-        together = partial(adjust_through, through)
-    adjusted = together(
-        observations,
-        np.flatnonzero(keep),
-        scale,
-        intrinsics=intrinsics,
+    together = partial(
+        adjust_together,
+        scale=scale,
         distortion=distortion,
         rules=rules,
         cull=cull,
         times=times,
         report=report,
     )
+    if scene is None:
+        adjusted = together(observations, np.flatnonzero(keep), intrinsics=intrinsics)
+    else:
+        through = _through(scene, windows, observations, world, scale)
+        adjusted = adjust_through(
+            through, together, observations, np.flatnonzero(keep), intrinsics, cull, report
+        )
     found, world_frame, size, poorly_met = in_world(
-        _scaled(adjusted.scene, scale), names, observations.frames, world, rescale
+        adjusted.scene.scaled(scale), names, observations.frames, world, rescale
     )
     if size != 1:
         observations = replace(observations, target_points=points * size)
@@ -214,6 +219,7 @@ def _through(
     windows: Sequence[WindowPrior],
     observations: Observations,
     world: str | Mapping[str, ArrayLike] | None,
+    scale: float,
 ) -> Through:
     """Return the scene that the target is seen through, and the world that it stands in."""
     names, frames = observations.cameras, observations.frames
@@ -221,9 +227,9 @@ def _through(
     held = names.index(of_camera) if isinstance(of_camera, str) and of_camera in names else None
 
     def placed(unknowns: Scene) -> Scene:
-        return in_world(unknowns, names, frames, world, False)[0]
+        return in_world(unknowns.scaled(scale), names, frames, world, False)[0].scaled(1 / scale)
 
-    return Through(scene, windows, placed, held)
+    return Through(scene, windows, placed, scale, held)
 
 
 def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -> tuple[str, ...]:
@@ -271,58 +277,3 @@ def _check(observations: Observations, intrinsics: Rig | None) -> None:
                 f"intrinsics: camera {name}: image_size: found {intrinsics[name].image_size}, "
                 f"expected {size} as its images"
             )
-
-
-def _scaled(scene: Scene, scale: float) -> Scene:
-    """Return the scene with all lengths multiplied by ``scale``."""
-    return replace(
-        scene,
-        camera_t=scene.camera_t * scale,
-        target_t=scene.target_t * scale,
-        refraction=scene.refraction and scene.refraction.with_lengths_scaled(scale),
-    )
-
-
-def without_repeats(
-    observations: Observations,
-) -> tuple[NDArray[np.bool_], tuple[str, ...], tuple[str, ...]]:
-    """Return which observations to keep, and lines on frozen cameras and on repeats.
-
-    An image is a repeat where all of its observations equal those of an earlier frame of the same
-    camera, to the last digit: noise never repeats itself.
-
-    Returns
-    -------
-    keep : (observations,) bool
-    frozen : tuple of str
-        On cameras that repeat an image while others do not.
-    repeats : tuple of str
-        On frames that are repeated by every camera.
-    """
-    keep = np.ones(len(observations), bool)
-    first: dict[tuple[int, bytes], int] = {}
-    repeats: dict[tuple[int, int], list[int]] = {}
-    order = np.lexsort((observations.point, observations.camera, observations.frame))
-    image = observations.frame[order] * len(observations.cameras) + observations.camera[order]
-    for rows in np.split(order, np.flatnonzero(np.diff(image)) + 1):
-        if not len(rows):
-            continue
-        camera, frame = int(observations.camera[rows[0]]), int(observations.frame[rows[0]])
-        content = observations.point[rows].tobytes() + observations.uv[rows].tobytes()
-        earlier = first.setdefault((camera, content), frame)
-        if earlier != frame:
-            keep[rows] = False
-            repeats.setdefault((earlier, frame), []).append(camera)
-    counts = observations.counts()
-    frozen, notes = [], []
-    for (earlier, frame), cameras in sorted(repeats.items()):
-        first_name, name = observations.frames[earlier], observations.frames[frame]
-        if len(cameras) == np.count_nonzero(counts[:, frame]):
-            notes.append(f"frame {name}: the same as {first_name} in every camera, counted once")
-        else:
-            named = ", ".join(observations.cameras[camera] for camera in cameras)
-            frozen.append(
-                f"camera {named}: frame {name} is the same image as {first_name} while other "
-                "cameras have new ones; it was left out. Check that the cameras are synchronised"
-            )
-    return keep, tuple(frozen), tuple(notes)

@@ -13,8 +13,7 @@ from typing import Any, Literal
 from rigs.calibrate.adjust.film import frame_times
 from rigs.calibrate.calibration import calibrate
 from rigs.calibrate.detect.detect import Detections, ImageSet, detections
-from rigs.calibrate.detect.image_sets import image_set, notes_of
-from rigs.calibrate.detect.split_sets import check_not_split
+from rigs.calibrate.detect.image_sets import check_not_split, image_set, notes_of
 from rigs.calibrate.options import check_lens_options, check_options, common_lenses
 from rigs.calibrate.result import Calibration
 from rigs.calibrate.targets.boards import Target, parse_target
@@ -22,6 +21,7 @@ from rigs.progress import Progress, progress_of, staged
 from rigs.recordings import Mosaic
 from rigs.rig import Rig
 
+_EARLY = ("world", "rescale", "length_unit", "distortion", "scene")  # checked before the search
 _NAMED = 6  # frames without the target that a note names
 
 
@@ -79,7 +79,11 @@ def calibrate_rig(
     ValueError
         In one line: the file, camera or argument, what was found and what was expected.
     """
-    signature(calibrate).bind(None, **how)  # a wrong name ends it now, not after the search
+    bound = signature(calibrate).bind(
+        None, **how
+    )  # a wrong name ends it now, not after the search
+    bound.apply_defaults()
+    early = {name: bound.arguments[name] for name in _EARLY}
     target = parse_target(target) if isinstance(target, str) else target
     notes: list[str] = []
     mosaics = bayer is not None and bool(Mosaic(bayer.upper(), "g"))
@@ -93,17 +97,17 @@ def calibrate_rig(
         check_not_split(Path(images), intrinsics is not None or intrinsics_images is not None)
     found = read(images)
     frames = list(dict.fromkeys(frame for of_camera in found.values() for frame in of_camera))
-    known = {name: how[name] for name in _EARLY if name in how}
-    check_options(list(found), frames, intrinsics=intrinsics, target=target, **(_EARLY | known))
+    check_options(list(found), frames, intrinsics=intrinsics, target=target, **early)
     lens_sets = [list(found)] if common_lens == "all" else list(common_lens)
-    rules = {name: how.get(name, False) for name in ("square_pixels", "fixed_center")}
-    check_lens_options(intrinsics, intrinsics_images, rules | {"common_lens": lens_sets})
+    known = {name: bound.arguments[name] for name in ("square_pixels", "fixed_center")}
+    known |= {"intrinsics_images": intrinsics_images is not None, "common_lens": lens_sets}
+    check_lens_options(intrinsics, known)
     common_lenses(list(found), lens_sets)
     if intrinsics_images is not None:
         found = _with_lens_images(found, read(intrinsics_images), intrinsics_images)
     with progress_of(progress, "calibrate") as tell:
         stage = staged(tell)
-        search, adjust = stage("detect"), None
+        search = stage("detect")
         seen = detections(
             found,
             target,
@@ -121,16 +125,6 @@ def calibrate_rig(
             **how,
         )
     return replace(calibration, notes=(*notes, *_notes(found, seen)), images=found)
-
-
-_EARLY: dict[str, Any] = {
-    "world": None,
-    "rescale": False,
-    "length_unit": "mm",
-    "distortion": "auto",
-    "scene": None,
-}
-"""Arguments of `calibrate` that are checked before any image is searched, and their defaults."""
 
 
 def _with_lens_images(found: ImageSet, lenses: ImageSet, folder: str | os.PathLike) -> ImageSet:

@@ -17,8 +17,7 @@ from rigs.calibrate.adjust.initial import (
     lens_alone,
     single_camera,
 )
-from rigs.calibrate.adjust.joint_terms import richer_terms
-from rigs.calibrate.adjust.lens_choice import LensRules, Terms
+from rigs.calibrate.adjust.lens_choice import LensRules, Terms, richer_terms
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, ordered
 from rigs.calibrate.adjust.projection import Lens
 from rigs.calibrate.adjust.shared_views import rig_poses
@@ -33,32 +32,15 @@ _GIVEN = Terms("given", "none", ())
 
 @dataclass(frozen=True, eq=False)
 class Adjusted:
-    """An adjusted scene with the observations that it explains.
-
-    Parameters
-    ----------
-    scene : Scene
-    arrays : ObservationArrays
-        In order of camera, then frame; points where the target was when the image was taken.
-    rows : (N,) int64
-        Their places among the observations given.
-    used : (N,) bool
-    freedom : Freedom
-    terms : list of Terms
-        Each camera's.
-    root : int
-        The camera whose pose is held.
-    film : Film or None
-    synchrony : Synchrony or None
-    """
+    """An adjusted scene with the observations that it explains."""
 
     scene: Scene
-    arrays: ObservationArrays
-    rows: NDArray[np.int64]
-    used: NDArray[np.bool_]
+    arrays: ObservationArrays  # points where the target was when the image was taken
+    rows: NDArray[np.int64]  # (N,) places among the observations given
+    used: NDArray[np.bool_]  # (N,)
     freedom: Freedom
-    terms: list[Terms]
-    root: int
+    terms: list[Terms]  # each camera's
+    root: int  # the camera whose pose is held
     film: Film | None
     synchrony: Synchrony | None
 
@@ -124,10 +106,15 @@ def adjust_together(
     )
     views = _single_cameras(observations, arrays, intrinsics, distortion, rules, report)
     report("poses along shared views")
-    film = _film(observations, arrays, times)
+    film = None
+    if times is not None and len(names) > 1:
+        film = Film.of(np.array([times.get(name, np.nan) for name in observations.frames]), arrays)
     scene, root, whole = rig_poses(names, views, arrays, len(observations.frames), film)
     freedom = Freedom(
-        tuple(_lens_freedom(view, rules) for view in views),
+        tuple(
+            np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom(rules)
+            for view in views
+        ),
         np.arange(len(views)) != root,
         square=rules.square_pixels,
         common=rules.common,
@@ -188,15 +175,6 @@ def _single_cameras(
     return views
 
 
-def _film(
-    observations: Observations, arrays: ObservationArrays, times: Mapping[str, float] | None
-) -> Film | None:
-    """Return the film that several cameras took of a moving target, if it is one."""
-    if times is None or len(observations.cameras) < 2:
-        return None
-    return Film.of(np.array([times.get(name, np.nan) for name in observations.frames]), arrays)
-
-
 def _adjusted(
     scene: Scene,
     arrays: ObservationArrays,
@@ -236,8 +214,3 @@ def _given(camera: CameraLike) -> tuple[Lens, Terms]:
     assert has_lens(camera)  # `check_options` let no other pass
     lens = camera.distortion
     return Lens(camera.camera_matrix, lens.model, np.array(lens.coefficients)), _GIVEN
-
-
-def _lens_freedom(view: SingleCamera, rules: LensRules) -> NDArray[np.bool_]:
-    """Return which numbers of a camera's lens are adjusted."""
-    return np.zeros(view.lens.size, bool) if view.terms is _GIVEN else view.terms.freedom(rules)

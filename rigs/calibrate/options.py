@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterable, Mapping
 
 from numpy.typing import ArrayLike
 
-from rigs.calibrate.adjust.lens_choice import TERMS, LensRules
+from rigs.calibrate.adjust.lens_choice import TERMS
 from rigs.rig import Rig
 
 
@@ -67,17 +67,9 @@ def check_options(
         )
 
 
-def check_lens_options(
-    intrinsics: Rig | None, intrinsics_images: object | None, lenses: Mapping[str, object]
-) -> None:
-    """Raise where lenses that are kept as they are come with what is to find them.
-
-    Raises
-    ------
-    ValueError
-    """
-    used = {"intrinsics_images": intrinsics_images is not None}
-    also = [name for name, given in (used | dict(lenses)).items() if given]
+def check_lens_options(intrinsics: Rig | None, known: Mapping[str, object]) -> None:
+    """Raise where lenses that are kept as they are come with what is to find them."""
+    also = [name for name, given in known.items() if given]
     if intrinsics is not None and also:
         raise ValueError(
             f"intrinsics: found {', '.join(also)} too, expected none of them with lenses that are "
@@ -117,24 +109,13 @@ def common_lenses(
     return tuple(first) if taken else None
 
 
-def check_rules(
-    rules: LensRules,
+def check_common_sizes(
+    common: tuple[int, ...] | None,
     image_sizes: tuple[tuple[int, int], ...],
     cameras: tuple[str, ...],
-    intrinsics: Rig | None,
 ) -> None:
-    """Raise where what is known of lenses cannot be, or lenses are given anyway.
-
-    Raises
-    ------
-    ValueError
-    """
-    if intrinsics is not None and rules != LensRules():
-        raise ValueError(
-            "intrinsics: found lenses that are kept as they are, expected neither square_pixels, "
-            "fixed_center nor common_lens with them"
-        )
-    for camera, first in enumerate(rules.common or ()):
+    """Raise where cameras that share a lens have images of different sizes."""
+    for camera, first in enumerate(common or ()):
         if image_sizes[camera] != image_sizes[first]:
             sizes = ["{}x{}".format(*image_sizes[k]) for k in (camera, first)]
             raise ValueError(

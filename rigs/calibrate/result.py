@@ -16,6 +16,9 @@ from rigs.calibrate.quality.windows import AdjustedWindow
 from rigs.calibrate.synchrony import Synchrony
 from rigs.files.text import plain
 from rigs.rig import Rig
+from rigs.scene.scene_camera import own_camera
+
+_DIGITS = 6  # significant ones, in files
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -118,4 +121,71 @@ class Calibration:
                 for k in np.flatnonzero(~self.used)
             ],
         }
-        return plain(figures, digits=6)
+        return plain(figures, _DIGITS)
+
+
+def summary(calibration: Calibration) -> dict[str, Any]:
+    """Return the figures of the rig, and under ``cameras`` those of each camera."""
+    quality, used = calibration.quality, calibration.used
+    cameras = {}
+    for index, camera in enumerate(calibration.rig):
+        own = calibration.observations.camera == index
+        cameras[camera.name] = {
+            "images": int(np.isfinite(quality.image_rms[index]).sum()),
+            "points_used": int((own & used).sum()),
+            "points_left_out": int((own & ~used).sum()),
+            "lens_terms": calibration.terms[index],
+            "rms_px": quality.camera_rms[index],
+            "image_coverage": quality.image_coverage[index],
+            "volume_coverage": quality.volume_coverage[index],
+            "depth_range": quality.depth_range[index].tolist(),
+            "focal_length_error": quality.focal_error[index],
+            "ray_miss": quality.camera_ray_miss[index],
+        }
+    step = calibration.synchrony
+    if step is not None:
+        for index, figures in enumerate(cameras.values()):
+            figures["time_offset_frames"] = step.offset[index]
+            figures["time_offset_error_frames"] = step.error[index]
+            figures["out_of_step"] = bool(step.is_out[index])
+    for own, figures in zip(calibration.looked_through, cameras.values(), strict=False):
+        figures["looked_through"] = list(own)
+    windows = {window.name: window.figures() for window in calibration.windows}
+    figures = {
+        "method": "target images, joint adjustment of lenses, camera poses and target poses",
+        "rms_px": np.sqrt((calibration.residuals[used] ** 2).sum(axis=1).mean()),
+        "noise_px": calibration.noise,
+        "frames": int(np.isfinite(quality.frame_rms).sum()),
+        "points_used": int(used.sum()),
+        "points_left_out": int((~used).sum()),
+        "held": calibration.gauge,
+        "length_unit": calibration.rig.length_unit,
+        "ray_miss_predicted": quality.predicted_ray_miss,
+        "ray_miss_between_halves": quality.cross_ray_miss,
+        "ray_miss_between_halves_expected": quality.cross_expected,
+        "pixel_footprint": np.nanmedian(quality.footprint),
+        "findings": list(calibration.findings),
+        "assessment": calibration.assessment,
+        "cameras": cameras,
+        **({"windows": windows} if windows else {}),
+        "target_poses": _target_poses(calibration),
+    }
+    return plain(figures, _DIGITS)
+
+
+def _target_poses(calibration: Calibration) -> list[dict[str, Any]]:
+    """Return the target's corners in each frame, in the axes of the camera whose pose was held.
+
+    These stay valid when the rig's world changes.
+    """
+    points = calibration.observations.target_points
+    (left, top), (right, bottom) = points[:, :2].min(axis=0), points[:, :2].max(axis=0)
+    border = np.array([[left, top, 0], [right, top, 0], [right, bottom, 0], [left, bottom, 0]])
+    camera = own_camera(calibration.rig[calibration.gauge])
+    poses = []
+    for index, frame in enumerate(calibration.observations.frames):
+        R, t = calibration.target_R[index], calibration.target_t[index]
+        if np.isfinite(t).all():
+            corners = (border @ R.T + t) @ camera.R.T + camera.t
+            poses.append({"frame": frame, "camera": camera.name, "corners": corners.tolist()})
+    return poses

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import information
-from rigs.calibrate.adjust.culling import Culled, adjust_and_cull, adjust_robustly, noise
+from rigs.calibrate.adjust.culling import (
+    Culled,
+    adjust_and_cull,
+    adjust_robustly,
+    noise,
+    supported,
+)
 from rigs.calibrate.adjust.film import Film
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
@@ -118,20 +124,9 @@ def in_step(
     """Return the offsets in time of all cameras; their errors are infinite where undetermined.
 
     The adjustment gets one more number a camera, the moment of its images; that of the first
-    camera is held. The target's way is found anew from its poses until the offsets settle.
-
-    Parameters
-    ----------
-    film : Film
-    scene : Scene
-        Start: lenses and poses.
-    arrays, filed : ObservationArrays
-        Under the frames of their numbers; and under those whose moments they show if cameras
-        are late by ``whole``.
-    freedom : Freedom
-        Of the adjustment without offsets.
-    whole : (cameras,) float64
-        Offsets in whole steps of the film.
+    camera is held. The target's way is found anew from its poses until the offsets settle. The
+    observations come under the frames of their numbers, ``arrays``, and under those whose moments
+    they show if cameras are late by ``whole`` ``(cameras,)``, ``filed``.
     """
     cameras = len(scene.lenses)
     together = adjust_robustly(scene, _known(scene, arrays), freedom, tolerance=1e-3).scene
@@ -168,14 +163,9 @@ def adjust_in_step(
     cull: bool,
     offset: NDArray[np.float64],
 ) -> tuple[Culled, ObservationArrays, NDArray[np.float64]]:
-    """Return the adjustment with the offsets that ``freedom`` frees, starting from ``offset``.
+    """Return the adjustment with the offsets ``(cameras,)`` that ``freedom`` frees, and these.
 
-    Returns
-    -------
-    kept : Culled
-    moved : ObservationArrays
-        The points as each camera saw them, moved by its offset.
-    offset : (cameras,) float64
+    The points in between are where each camera saw them, moved by its offset.
     """
     scene, moved, offset = _settled(film, scene, arrays, freedom, offset, _SETTLED_WAY)
     kept = adjust_and_cull(scene, moved, freedom, cull)
@@ -214,8 +204,7 @@ def _settled(
 def _known(scene: Scene, arrays: ObservationArrays) -> ObservationArrays:
     """Return the observations that the scene predicts, of frames with enough of them."""
     known = np.asarray(np.isfinite(predicted(scene, arrays)).all(axis=1))
-    counts = np.bincount(arrays.frame, known, len(scene.target_t))
-    return arrays.where(known & (counts[arrays.frame] >= 6))
+    return arrays.where(supported(arrays, known))
 
 
 def _noise(scene: Scene, arrays: ObservationArrays, cameras: int) -> NDArray[np.float64]:

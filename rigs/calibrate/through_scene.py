@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import adjust
 from rigs.calibrate.adjust.culling import adjust_and_cull, adjust_robustly, noise
-from rigs.calibrate.adjust.lens_choice import LensRules
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
     camera_rows,
@@ -19,12 +17,11 @@ from rigs.calibrate.adjust.observation_arrays import (
     world_points,
 )
 from rigs.calibrate.adjust.observation_arrays import Scene as Unknowns
-from rigs.calibrate.joint_adjustment import Adjusted, adjust_together
+from rigs.calibrate.joint_adjustment import Adjusted
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.refraction.refraction import Refraction
+from rigs.calibrate.refraction.refraction import Refraction, WindowPrior
 from rigs.calibrate.refraction.routes import HIDDEN, PASSES, REFLECTED, routes_to
 from rigs.calibrate.refraction.start import likely_route, start_before_media
-from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.rig import Rig
 from rigs.scene.scene import Scene
 from rigs.scene.surfaces import Glass
@@ -37,51 +34,30 @@ _NOISE_SETTLED = 0.02  # relative change of the noise, by which priors weigh
 
 @dataclass(frozen=True)
 class Through:
-    """A scene to look through, and how it is placed and adjusted.
-
-    Parameters
-    ----------
-    scene : Scene
-        In the rig's world and unit.
-    priors : sequence of WindowPrior
-        Of the windows that are adjusted.
-    in_world : callable
-        Returns the unknowns, lengths in the rig's unit, in the rig's world.
-    held : int, optional
-        The camera whose axes are the world's; its pose is held. None where the world is another.
-    """
+    """A scene to look through, in the rig's world and unit, and how it is placed and adjusted."""
 
     scene: Scene
-    priors: Sequence[WindowPrior]
-    in_world: Callable[[Unknowns], Unknowns]
-    held: int | None
+    priors: Sequence[WindowPrior]  # of the windows that are adjusted
+    placed: Callable[[Unknowns], Unknowns]  # in the rig's world, in target sizes
+    scale: float  # the target's size
+    held: int | None  # the camera whose axes are the world's, if one's are
 
 
 def adjust_through(
     through: Through,
+    together: Callable[..., Adjusted],
     observations: Observations,
     kept: NDArray[np.int64],
-    scale: float,
-    *,
     intrinsics: Rig | None,
-    distortion: str,
-    rules: LensRules,
     cull: bool,
-    times: Mapping[str, float] | None,
     report: Callable[[str], None],
 ) -> Adjusted:
     """Return the joint adjustment through a scene; the unknowns are in the rig's world.
 
-    Start values come from an adjustment as if nothing were in the way. After a first adjustment
-    through the scene its effect is taken out of the observations: lens terms are then chosen, and
-    lenses and poses found anew, as they are without a scene. The last adjustment takes the
-    observations as they are.
-
-    Parameters
-    ----------
-    through : Through
-    observations, kept, scale, intrinsics, distortion, rules, cull, times, report
-        As of `rigs.calibrate.joint_adjustment.adjust_together`.
+    Start values come from an adjustment ``together`` as if nothing were in the way. After a first
+    adjustment through the scene its effect is taken out of the observations: lens terms are then
+    chosen, and lenses and poses found anew, as they are without a scene. The last adjustment takes
+    the observations as they are.
 
     Raises
     ------
@@ -90,20 +66,11 @@ def adjust_through(
         the target reaches a camera.
     """
     names = observations.cameras
-    together = partial(
-        adjust_together,
-        scale=scale,
-        distortion=distortion,
-        rules=rules,
-        cull=cull,
-        times=times,
-        report=report,
-    )
     # A given lens fits nothing behind water until the water is there
     start = None if _has_other_media(through.scene) else intrinsics
     first = together(observations, kept, intrinsics=start)
     report("scene")
-    rough = _through(through, first, scale, names, cull)
+    rough = _through(through, first, names, cull)
     straight = predicted(replace(rough.scene, refraction=None), rough.arrays)
     bent = predicted(rough.scene, rough.arrays)
     known = np.asarray(np.isfinite(straight - bent).all(axis=1))
@@ -116,9 +83,7 @@ def adjust_through(
     second = together(replace(observations, uv=uv), rough.rows[known], intrinsics=intrinsics)
     report("joint adjustment through the scene")
     arrays = replace(second.arrays, uv=observations.uv[second.rows])
-    found = _through(
-        through, replace(second, arrays=arrays), scale, names, cull, rough.scene.refraction
-    )
+    found = _through(through, replace(second, arrays=arrays), names, cull, rough.scene.refraction)
     _check_scene_is_met(found, names)
     return found
 
@@ -130,7 +95,7 @@ def looked_through(adjusted: Adjusted, cameras: int) -> list[list[str]]:
     found = []
     for camera in range(cameras):
         own = np.unique(routes[(adjusted.arrays.camera == camera) & adjusted.used])
-        solids = np.unique(bending.solid[own[own >= 0]])
+        solids = np.unique(bending.faces["solid"][own[own >= 0]])
         found.append([bending.scene.solids[number].name for number in solids])
     return found
 
@@ -138,7 +103,6 @@ def looked_through(adjusted: Adjusted, cameras: int) -> list[list[str]]:
 def _through(
     through: Through,
     adjusted: Adjusted,
-    scale: float,
     names: tuple[str, ...],
     cull: bool,
     refraction: Refraction | None = None,
@@ -150,6 +114,7 @@ def _through(
     """
     is_start = refraction is None
     if refraction is None:
+        scale = through.scale
         given = through.scene.with_lengths_scaled(1 / scale)
         priors = tuple(
             replace(prior, distance=prior.distance / scale, thickness=prior.thickness / scale)
@@ -167,12 +132,12 @@ def _through(
     )
     # Velocities go with the moments
     arrays = replace(adjusted.arrays, velocity=None, routes=None)
-    scene = _placed(through, replace(adjusted.scene, offset=None), scale)
+    scene = through.placed(replace(adjusted.scene, offset=None))
     if is_start:
         for name, center in zip(names, scene.centers(), strict=True):
             refraction.check_outside(center, f"camera {name}")
         scene = start_before_media(scene, arrays, refraction, through.held)
-        scene = _placed(through, scene, scale)
+        scene = through.placed(scene)
     scene = replace(scene, refraction=refraction)
     used, sigma = np.ones(len(arrays), bool), np.nan
     routes: NDArray[np.int64] | None = None
@@ -190,7 +155,7 @@ def _through(
         else:
             solution = adjust(scene, arrays.where(used), freedom)
         sigma = float(noise(solution.residuals, np.zeros(int(used.sum()), np.int64), 1)[0])
-        scene = _placed(through, solution.scene, scale)
+        scene = through.placed(solution.scene)
         scene = replace(scene, refraction=replace(_refraction(scene), noise=sigma))
         moved = np.abs(scene.centers() - solution.scene.centers()).max()
         weighs = not is_adjusted or abs(sigma - before) <= _NOISE_SETTLED * sigma
@@ -203,21 +168,6 @@ def _through(
     return replace(adjusted, scene=scene, arrays=arrays, used=used, freedom=freedom, root=root)
 
 
-def _placed(through: Through, scene: Unknowns, scale: float) -> Unknowns:
-    """Return unknowns, lengths in target sizes, in the rig's world."""
-    return _scaled(through.in_world(_scaled(scene, scale)), 1 / scale)
-
-
-def _scaled(scene: Unknowns, scale: float) -> Unknowns:
-    """Return the unknowns with all lengths multiplied by ``scale``."""
-    return replace(
-        scene,
-        camera_t=scene.camera_t * scale,
-        target_t=scene.target_t * scale,
-        refraction=scene.refraction and scene.refraction.with_lengths_scaled(scale),
-    )
-
-
 def _refraction(scene: Unknowns) -> Refraction:
     """Return what bends the light, of unknowns that are seen through a scene."""
     assert scene.refraction is not None
@@ -227,14 +177,9 @@ def _refraction(scene: Unknowns) -> Refraction:
 def _routes(
     scene: Unknowns, arrays: ObservationArrays, names: tuple[str, ...], roughly: bool = False
 ) -> NDArray[np.int64]:
-    """Return the faces that each observation is seen through, ``(N, R)``.
+    """Return the faces that each observation is seen through ``(N, R)``; raise if light is lost.
 
     ``roughly`` takes those to the middle of what a camera saw, where only starts are known.
-
-    Raises
-    ------
-    ValueError
-        Naming the camera, if it stands in a solid or no light of the target reaches it.
     """
     refraction = _refraction(scene)
     centers, points = scene.centers(), world_points(scene, arrays)

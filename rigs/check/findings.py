@@ -16,7 +16,7 @@ from rigs.check.resolved_wavelength import short
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import gas, glass, hardware
 from rigs.files.units import UNITS, UNKNOWN, metres
-from rigs.geometry.rays import SILENT
+from rigs.geometry.points import SILENT
 
 _LEVELS = ("fault", "warning", "note")
 _RULER = 1e-3  # metres; the error of a position taken with a ruler

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rigs.calibration_record import recorded
+from rigs.changes import recorded
 from rigs.check.convention_errors import few_of, find_convention_errors
 from rigs.check.coverage import PIXEL_ACCURACY, Coverage, coverage
 from rigs.check.findings import findings

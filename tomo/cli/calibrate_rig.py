@@ -126,7 +126,7 @@ def calibrate_rig(
     from rigs import save_rig
     from rigs.calibrate import calibrate_rig as calibrate
     from rigs.calibrate import image_set, parse_target
-    from rigs.calibrate.detect.split_sets import check_not_split
+    from rigs.calibrate.detect.image_sets import check_not_split
     from rigs.files.text import write_json
     from rigs.recordings.layout import cameras_and_frames
     from tomo.draw.calibration import write_calibration_page

@@ -31,19 +31,10 @@ _LEAST_DAMPING, _MOST_DAMPING = 1e-12, 1e9  # below rounding; beyond it no step 
 
 @dataclass(frozen=True)
 class Solution:
-    """An adjusted scene and the residuals left.
-
-    Parameters
-    ----------
-    scene : Scene
-    residuals : (N, 2) float64
-        Measured less projected, pixels.
-    cost : float
-    iterations : int
-    """
+    """An adjusted scene and the residuals left."""
 
     scene: Scene
-    residuals: NDArray[np.float64]
+    residuals: NDArray[np.float64]  # (N, 2) measured less projected, pixels
     cost: float
     iterations: int
 
@@ -71,19 +62,10 @@ def adjust(
 ) -> Solution:
     """Return the scene of least squared residuals, by Levenberg and Marquardt's method.
 
-    Parameters
-    ----------
-    scene : Scene
-        Start. Every observed frame needs a pose that puts its points before their cameras.
-    observations : ObservationArrays
-        In order of camera, then frame.
-    freedom : Freedom
-    huber : (N,) float64, optional
-        Residual length beyond which the loss is linear (Huber); plain squares when None.
-    iterations : int
-        At most.
-    tolerance : float
-        Relative fall of the cost, predicted or reached, below which iterations stop.
+    Every observed frame needs a pose that puts its points before their cameras; observations are
+    in order of camera, then frame. Beyond the residual length ``huber`` ``(N,)`` the loss is
+    linear (Huber). Iterations stop where the cost falls relatively by less than ``tolerance``, as
+    predicted or as reached.
     """
     residuals, cost = _residuals(scene, observations, huber)
     if not np.isfinite(cost):
@@ -120,16 +102,26 @@ def information(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the information on all cameras' free parameters at unit pixel noise.
 
-    Returns
-    -------
-    matrix : (P, P) float64
-        The normal equations with the target poses eliminated; its inverse times the noise's
-        variance is the covariance.
-    gradient : (P,) float64
-        Gradient of half the sum of squares, with the target poses at their optimum.
+    The matrix ``(P, P)`` is that of the normal equations with the target poses eliminated: its
+    inverse times the noise's variance is the covariance. The gradient ``(P,)`` is that of half the
+    sum of squares, with the target poses at their optimum.
     """
     normal = normal_equations(scene, observations, freedom, None)
     return reduced(normal, 0.0)[:2]
+
+
+def fall_of_squares(
+    matrix: NDArray[np.float64], gradient: NDArray[np.float64], free: NDArray[np.bool_]
+) -> float:
+    """Return the fall of the sum of squares if all of ``free`` ``(P,)`` were adjusted.
+
+    It is of first order; matrix ``(P, P)`` and gradient ``(P,)`` are those of `information`.
+    """
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix)[free], 1e-300))
+    values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)] * np.outer(scale, scale))
+    along = vectors.T @ (gradient[free] * scale)
+    known = values > 1e-10 * values[-1]
+    return float((along[known] ** 2 / values[known]).sum())
 
 
 def _residuals(

@@ -15,8 +15,8 @@ from rigs.calibrate.adjust.observation_arrays import (
     image_rows,
     predicted,
 )
-from rigs.calibrate.adjust.target_pose import LEAST_POINTS
 
+LEAST_POINTS = 6  # of an image; fewer leave the pose to the noise
 _RAYLEIGH_MEDIAN = 1.1774  # median length of a 2-D normal residual, in standard deviations
 _HUBER = 3.0  # standard deviations, beyond which the loss is linear
 _LEAST_NOISE = 1e-3  # pixels; below it exact data would show rounding as outliers
@@ -27,17 +27,10 @@ _ROUNDS = 6  # of culling, and of estimating the noise; both settle after two or
 
 @dataclass(frozen=True)
 class Culled:
-    """The adjustment without outliers.
-
-    Parameters
-    ----------
-    solution : Solution
-        Its residuals are those of the observations used, in their order.
-    used : (observations,) bool
-    """
+    """The adjustment without outliers; its residuals are those of the observations used."""
 
     solution: Solution
-    used: NDArray[np.bool_]
+    used: NDArray[np.bool_]  # (observations,)
 
 
 def adjust_and_cull(
@@ -51,7 +44,7 @@ def adjust_and_cull(
     that lies before its camera.
     """
     ahead = np.asarray(np.isfinite(predicted(scene, observations)).all(axis=1))
-    used = _supported(observations, ahead)
+    used = supported(observations, ahead)
     scene = adjust_robustly(scene, observations.where(used), freedom, tolerance=1e-4).scene
     if not cull:
         return Culled(adjust(scene, observations.where(used), freedom), used)
@@ -98,10 +91,10 @@ def _agreeing(
         # 1.18 is the median of agreeing observations
         if np.median(relative[rows]) > 1.18 * _IMAGE_LIMIT:
             kept[rows] = False
-    return _supported(observations, kept)
+    return supported(observations, kept)
 
 
-def _supported(observations: ObservationArrays, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def supported(observations: ObservationArrays, kept: NDArray[np.bool_]) -> NDArray[np.bool_]:
     """Return ``kept`` without the frames that have too few observations left for a pose."""
     counts = np.bincount(observations.frame, kept, int(observations.frame.max(initial=-1)) + 1)
     return kept & (counts[observations.frame] >= LEAST_POINTS)

@@ -46,18 +46,10 @@ def frame_times(frames: Sequence[str]) -> dict[str, float] | None:
 
 @dataclass(frozen=True, eq=False)
 class Film:
-    """The moments of frames, counted in pictures.
+    """The moments of frames, counted in pictures."""
 
-    Parameters
-    ----------
-    times : (frames,) float64
-        NaN where a frame is no picture of the films.
-    spacing : float
-        From one picture used to the next.
-    """
-
-    times: NDArray[np.float64]
-    spacing: float
+    times: NDArray[np.float64]  # (frames,); NaN where a frame is no picture of the films
+    spacing: float  # from one picture used to the next
 
     @classmethod
     def of(cls, times: NDArray[np.float64], observations: ObservationArrays) -> Film | None:
@@ -118,18 +110,8 @@ class Film:
     ) -> tuple[NDArray[np.int64], ObservationArrays]:
         """Return the observations under the frames whose moments they show, and their rows.
 
-        Parameters
-        ----------
-        observations : ObservationArrays
-        delay : (cameras,) float64
-            How many pictures, in whole steps of the film, each camera is late.
-
-        Returns
-        -------
-        rows : (kept,) int64
-            Those that show the moment of a frame.
-        filed : ObservationArrays
-            In order of camera, then frame.
+        Each camera is late by ``delay`` ``(cameras,)`` pictures, in whole steps of the film. Rows
+        that show no frame's moment are left out; the others are in order of camera, then frame.
         """
         frame = observations.frame.copy()
         for camera in np.flatnonzero(delay):
@@ -145,23 +127,10 @@ class Film:
         """Return the observations of points that moved until their camera took the picture.
 
         With the way R(s), t(s) of the target's pose at the moment s, the point x of a frame taken
-        at f has moved by ``R(f).T (R(s) x + t(s) - R(f) x - t(f))``, with ``s = f + offset``. The
-        way is a cubic spline of least squares, so that the noise of single poses does not move
-        points: a moment read from it would be too near a frame's.
-
-        Parameters
-        ----------
-        scene : Scene
-            With the target's poses at the frames' moments.
-        observations : ObservationArrays
-            With the points as the target has them.
-        offset : (cameras,) float64
-            How many pictures later each camera took them.
-
-        Returns
-        -------
-        moved : ObservationArrays
-            With velocities a picture; points are NaN where the target's way is not known.
+        at f has moved by ``R(f).T (R(s) x + t(s) - R(f) x - t(f))``, with ``s = f + offset`` in
+        pictures. The way is a cubic spline of least squares, so that the noise of single poses
+        does not move points: a moment read from it would be too near a frame's. Velocities are a
+        picture's; points are NaN where the target's way is not known.
         """
         poses = np.concatenate([scene.target_R, scene.target_t[:, :, None]], axis=2)  # (F, 3, 4)
         late = offset[observations.camera]
@@ -200,15 +169,9 @@ def _way(
     """Return the cubic spline through a run's poses ``(n, 3, 4)`` with as few knots as they need.
 
     The distance of knots is chosen by generalised cross-validation (Craven and Wahba 1979); where
-    the closest is best the spline goes through every pose. Poses that jump are left out.
-
-    Returns
-    -------
-    way : callable
-    known : (kept,) float64
-        Moments of the poses that it follows.
-    gap : float
-        The longest time between two of these that it crosses.
+    the closest is best the spline goes through every pose. Poses that jump are left out: the
+    second value are the moments of the others; the third is the longest time between two that it
+    crosses.
     """
     from scipy.interpolate import CubicSpline
 

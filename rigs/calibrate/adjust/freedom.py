@@ -19,20 +19,6 @@ class Freedom:
     its distortion, the moment of its images, and last those of the windows in the scene, which
     all cameras have in common.
 
-    Parameters
-    ----------
-    lens : tuple of (4 + n,) bool
-        For each camera: fx, fy, cx, cy and coefficients.
-    pose : (cameras,) bool
-    time : (cameras,) bool, optional
-        Whether the moment of a camera's images is free; held where absent.
-    square : bool
-        fx and fy change by one number, so that square pixels stay square.
-    common : tuple of int, optional
-        For each camera the first one that has the same lens; each has its own where absent.
-    windows : (n,) bool, optional
-        Which numbers of windows are free (`rigs.calibrate.refraction.Refraction`).
-
     Examples
     --------
     >>> import numpy as np
@@ -40,12 +26,12 @@ class Freedom:
     7
     """
 
-    lens: tuple[NDArray[np.bool_], ...]
-    pose: NDArray[np.bool_]
-    time: NDArray[np.bool_] | None = None
-    square: bool = False
-    common: tuple[int, ...] | None = None
-    windows: NDArray[np.bool_] | None = None
+    lens: tuple[NDArray[np.bool_], ...]  # each camera's fx, fy, cx, cy and coefficients
+    pose: NDArray[np.bool_]  # (cameras,)
+    time: NDArray[np.bool_] | None = None  # (cameras,) the moment of its images; held without
+    square: bool = False  # fx and fy change by one number: square pixels stay square
+    common: tuple[int, ...] | None = None  # as of `LensRules`
+    windows: NDArray[np.bool_] | None = None  # (n,) numbers of windows, see `Refraction`
 
     @cached_property
     def places(self) -> tuple[NDArray[np.int64], ...]:
@@ -85,19 +71,10 @@ class Freedom:
     def gathered(
         self, camera: int, by_camera: NDArray[np.float64]
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Return the parameters that move a camera, and derivatives with respect to them.
+        """Return the parameters that move a camera ``(k,)``, and derivatives by them ``(..., k)``.
 
-        Parameters
-        ----------
-        camera : int
-        by_camera : (..., m) float64
-            Derivatives by the camera's numbers; those beyond the first m are zero.
-
-        Returns
-        -------
-        own : (k,) int64
-            Places among all parameters, each once.
-        by_parameter : (..., k) float64
+        ``by_camera`` ``(..., m)`` are derivatives by the camera's numbers; those beyond m are
+        zero.
         """
         place = self.places[camera]
         free = np.flatnonzero(place >= 0)

@@ -1,16 +1,16 @@
-"""The terms of a lens model, chosen by cross-validation over frames."""
+"""The terms of a lens model: by cross-validation over frames, then by the joint adjustment."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.bundle import Solution
+from rigs.calibrate.adjust.bundle import Solution, fall_of_squares, information
 from rigs.calibrate.adjust.culling import adjust_robustly, noise
 from rigs.calibrate.adjust.freedom import Freedom
-from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, jacobian
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, jacobian, predicted
 from rigs.calibrate.adjust.projection import Lens
 
 # Standard errors by which the gain must exceed zero. A needless term of the polynomials costs
@@ -20,21 +20,13 @@ _STANDARD_ERRORS = {"none": 0.0, "radial": 0.0, "brown4": 0.0, "brown5": 0.0, "r
 
 @dataclass(frozen=True)
 class LensRules:
-    """What is known of lenses beforehand.
+    """What is known of lenses beforehand."""
 
-    Parameters
-    ----------
-    square_pixels : bool
-        fx and fy are equal.
-    fixed_center : bool
-        The principal point is in the middle of the image.
-    common : tuple of int, optional
-        For each camera the first one that has the same lens; each has its own where absent.
-    """
-
-    square_pixels: bool = False
-    fixed_center: bool = False
-    common: tuple[int, ...] | None = None
+    square_pixels: bool = False  # fx and fy are equal
+    fixed_center: bool = False  # the principal point is in the middle of the image
+    common: tuple[int, ...] | None = (
+        None  # for each camera the first one of its lens; None: its own
+    )
 
     def in_words(self) -> str:
         """Return the lens that is held, in words; a given one where nothing else is known."""
@@ -53,20 +45,11 @@ class LensRules:
 
 @dataclass(frozen=True)
 class Terms:
-    """A lens model and which of its coefficients are free.
-
-    Parameters
-    ----------
-    name : str
-    model : str
-        A model of `rigs.Distortion`.
-    free : tuple of bool
-        One for each coefficient; those not free stay zero.
-    """
+    """A lens model of `rigs.Distortion` and which of its coefficients are free."""
 
     name: str
     model: str
-    free: tuple[bool, ...]
+    free: tuple[bool, ...]  # one for each coefficient; those not free stay zero
 
     def freedom(self, rules: LensRules) -> NDArray[np.bool_]:
         """Return which of fx, fy, cx, cy and the coefficients are free, ``(4 + n,)``."""
@@ -88,6 +71,7 @@ TERMS: dict[str, Terms] = {
         Terms("fisheye", "fisheye", (True,) * 4),
     )
 }
+_LADDER = ("none", "radial", "brown4", "brown5")  # terms that only the joint adjustment may free
 _DETERMINED = 1e-8  # relative least eigenvalue of a lens's normal equations; below it is noise
 
 
@@ -100,19 +84,10 @@ def choose(
 ) -> tuple[Terms, Solution]:
     """Return the terms of one camera's lens that lower the error of held-out frames.
 
-    Each frame's cost is predicted with the lens adjusted to all the other frames, to second
-    order; a richer model must lower the mean. A model that maps no direction to a corner of the
-    image is not taken. The rational model is tried only where all of brown5 was taken.
-
-    Parameters
-    ----------
-    start : Scene
-        One camera with its target poses.
-    observations : ObservationArrays
-    image_size : (int, int)
-    requested : str
-        "auto", or the name of the terms to take.
-    rules : LensRules
+    ``requested`` names the terms, or is "auto". Each frame's cost is predicted with the lens
+    adjusted to all the other frames, to second order; a richer model must lower the mean. A model
+    that maps no direction to a corner of the image is not taken. The rational model is tried only
+    where all of brown5 was taken.
     """
     if requested != "auto":
         freedom = rules.one_lens(TERMS[requested].freedom(rules))
@@ -215,3 +190,65 @@ def _fit(
     lens = start.lenses[0].with_model(terms.model, len(terms.free))
     scene = Scene((lens,), start.camera_R, start.camera_t, start.target_R, start.target_t)
     return adjust_robustly(scene, observations, freedom)
+
+
+def richer_terms(
+    scene: Scene,
+    observations: ObservationArrays,
+    freedom: Freedom,
+    terms: list[Terms],
+    rules: LensRules,
+) -> tuple[Scene, Freedom, list[Terms]] | None:
+    """Return the scene with more terms free where the joint adjustment supports them, else None.
+
+    One camera's images cannot always separate its lens from the target's pose. Candidates are the
+    terms up to brown5. The one is taken whose fall of the sum of squares exceeds twice the noise's
+    variance a term by most (Akaike's criterion); the fall is predicted from the joint normal
+    equations (Rao's score test), without outliers.
+    """
+    may_grow = [one.name in _LADDER[:-1] for one in terms]
+    if not any(may_grow):
+        return None
+    wide = replace(
+        scene,
+        lenses=tuple(
+            lens.with_model("brown", 5) if grows else lens
+            for lens, grows in zip(scene.lenses, may_grow, strict=True)
+        ),
+    )
+    full = [
+        TERMS["brown5"].freedom(rules) if grows else np.ones(lens.size, bool)
+        for lens, grows in zip(wide.lenses, may_grow, strict=True)
+    ]
+    every = replace(freedom, lens=tuple(full))
+    matrix, gradient = information(wide, observations, every)
+    free = every.freed_in(freedom)
+    residuals = observations.uv - predicted(scene, observations)
+    unknowns = int(free.sum()) + 6 * len(np.unique(observations.frame))
+    variance = float((residuals**2).sum()) / max(residuals.size - unknowns, 1)
+    base = fall_of_squares(matrix, gradient, free)
+    chosen = list(terms)
+    first = range(len(terms)) if rules.common is None else rules.common
+    for camera in (camera for camera in np.flatnonzero(may_grow) if first[camera] == camera):
+        best = 0.0
+        for name in _LADDER[_LADDER.index(terms[camera].name) + 1 :]:
+            lens = TERMS[name].freedom(rules)
+            tried = (lens if first[k] == camera else own for k, own in enumerate(freedom.lens))
+            freed = free | every.freed_in(replace(freedom, lens=tuple(tried)))
+            count = int((freed & ~free).sum())
+            gain = fall_of_squares(matrix, gradient, freed) - base - 2 * count * variance
+            if gain > best:
+                best, chosen[camera] = gain, TERMS[name]
+    chosen = [chosen[camera] for camera in first]
+    if chosen == terms:
+        return None
+    lenses, lens_freedom = list(scene.lenses), list(freedom.lens)
+    for place, (one, before) in enumerate(zip(chosen, terms, strict=True)):
+        if one != before:
+            lenses[place] = lenses[place].with_model(one.model, len(one.free))
+            lens_freedom[place] = one.freedom(rules)
+    return (
+        replace(scene, lenses=tuple(lenses)),
+        replace(freedom, lens=tuple(lens_freedom)),
+        chosen,
+    )

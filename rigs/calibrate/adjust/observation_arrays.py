@@ -24,25 +24,17 @@ from rigs.calibrate.refraction.routes import routes_to
 class ObservationArrays:
     """Observations in order of camera, then frame; lengths in any unit.
 
-    Parameters
-    ----------
-    camera, frame : (N,) int64
-    points : (N, 3) float64
-        Each observation's point in the target's axes.
-    uv : (N, 2) float64
-    velocity : (N, 3) float64, optional
-        How fast the point moves in the axes of its frame's target pose, where images of one frame
-        were taken at different moments.
-    routes : (N, R) int64, optional
-        The scene's faces that each one is seen through (`rigs.calibrate.refraction.routes_to`).
+    Points are in the target's axes. Where images of one frame were taken at different moments,
+    they move with a velocity in the axes of the frame's target pose. Routes are the scene's faces
+    that each one is seen through (`rigs.calibrate.refraction.routes_to`).
     """
 
-    camera: NDArray[np.int64]
-    frame: NDArray[np.int64]
-    points: NDArray[np.float64]
-    uv: NDArray[np.float64]
-    velocity: NDArray[np.float64] | None = None
-    routes: NDArray[np.int64] | None = None
+    camera: NDArray[np.int64]  # (N,)
+    frame: NDArray[np.int64]  # (N,)
+    points: NDArray[np.float64]  # (N, 3)
+    uv: NDArray[np.float64]  # (N, 2)
+    velocity: NDArray[np.float64] | None = None  # (N, 3)
+    routes: NDArray[np.int64] | None = None  # (N, R)
 
     def __len__(self) -> int:
         return len(self.uv)
@@ -74,26 +66,17 @@ class ObservationArrays:
 class Scene:
     """The unknowns of the adjustment: lenses, camera poses and target poses.
 
-    Parameters
-    ----------
-    lenses : tuple of Lens
-    camera_R, camera_t : (cameras, 3, 3), (cameras, 3)
-        ``x_camera = R x_world + t``.
-    target_R, target_t : (frames, 3, 3), (frames, 3)
-        ``x_world = R x_target + t``; NaN where a frame has no pose.
-    offset : (cameras,) float64, optional
-        How long after their frame's moment a camera's images were taken, in the unit of the
-        observations' velocities; the points move so far.
-    refraction : Refraction, optional
-        The scene that observations with routes are seen through.
+    They are ``x_camera = R x_world + t`` and ``x_world = R x_target + t``, NaN where a frame has
+    no pose. A camera's images were taken ``offset`` after their frame's moment, in the unit of
+    the observations' velocities; observations with routes are seen through the ``refraction``.
     """
 
     lenses: tuple[Lens, ...]
-    camera_R: NDArray[np.float64]  # noqa: N815 (the field's symbol)
-    camera_t: NDArray[np.float64]
-    target_R: NDArray[np.float64]  # noqa: N815
-    target_t: NDArray[np.float64]
-    offset: NDArray[np.float64] | None = None
+    camera_R: NDArray[np.float64]  # noqa: N815 (the field's symbol), (cameras, 3, 3)
+    camera_t: NDArray[np.float64]  # (cameras, 3)
+    target_R: NDArray[np.float64]  # noqa: N815, (frames, 3, 3)
+    target_t: NDArray[np.float64]  # (frames, 3)
+    offset: NDArray[np.float64] | None = None  # (cameras,)
     refraction: Refraction | None = None
 
     @property
@@ -105,6 +88,15 @@ class Scene:
     def delays(self) -> NDArray[np.float64]:
         """How late each camera took its images, ``(cameras,)``; 0 where nothing says so."""
         return np.zeros(len(self.lenses)) if self.offset is None else self.offset
+
+    def scaled(self, factor: float) -> Scene:
+        """Return the scene with all lengths multiplied by ``factor``."""
+        return replace(
+            self,
+            camera_t=self.camera_t * factor,
+            target_t=self.target_t * factor,
+            refraction=self.refraction and self.refraction.with_lengths_scaled(factor),
+        )
 
     def centers(self) -> NDArray[np.float64]:
         """Return where the cameras are, ``(cameras, 3)``."""
@@ -126,17 +118,12 @@ def predicted(scene: Scene, observations: ObservationArrays) -> NDArray[np.float
 def jacobian(
     scene: Scene, observations: ObservationArrays, camera: int, rows: slice
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return predictions of one camera's ``rows`` and their derivatives.
+    """Return pixels ``(n, 2)`` of a camera's ``rows``, and derivatives by camera and target.
 
-    Returns
-    -------
-    uv : (n, 2) float64
-    by_camera : (n, 2, 10 + coefficients) float64
-        With respect to the camera's rotation, translation, fx, fy, cx, cy, coefficients; then,
-        where the observations have velocities or routes, to the moment of its images; last to
-        the windows' numbers.
-    by_target : (n, 2, 6) float64
-        With respect to the target's rotation and translation.
+    Those by the camera ``(n, 2, 10 + coefficients)`` are with respect to its rotation,
+    translation, fx, fy, cx, cy, coefficients; then, where the observations have velocities or
+    routes, to the moment of its images; last to the windows' numbers. Those by the target's
+    rotation and translation are ``(n, 2, 6)``.
     """
     in_camera, turned, on_target = _in_camera(scene, observations, camera, rows)
     routes = None if observations.routes is None else observations.routes[rows]
@@ -154,14 +141,9 @@ def jacobian(
 def rays_by_camera(
     scene: Scene, camera: int, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the derivatives of the pixels of world ``points`` ``(n, 3)``.
+    """Return derivatives of the pixels of world ``points`` ``(n, 3)``, by point and camera.
 
-    Returns
-    -------
-    by_point : (n, 2, 3) float64
-        With respect to the point in the world.
-    by_camera : (n, 2, 10 + coefficients) float64
-        As of `jacobian`.
+    They are ``(n, 2, 3)``, and ``(n, 2, 10 + coefficients)`` as of `jacobian`.
     """
     turned = points @ scene.camera_R[camera].T
     in_camera, routes = turned + scene.camera_t[camera], None

@@ -19,19 +19,11 @@ _NEAREST = 1e-9  # depth in target sizes; below it a perspective camera projects
 
 @dataclass(frozen=True)
 class Lens:
-    """Intrinsics that map a camera's axes to pixels: ``pixel = K @ distorted(x / z, y / z)``.
+    """Intrinsics that map a camera's axes to pixels: ``pixel = K @ distorted(x / z, y / z)``."""
 
-    Parameters
-    ----------
-    matrix : (3, 3) float64
-    model : str
-        A model of `rigs.Distortion`.
-    coefficients : (n,) float64
-    """
-
-    matrix: NDArray[np.float64]
-    model: str
-    coefficients: NDArray[np.float64]
+    matrix: NDArray[np.float64]  # (3, 3)
+    model: str  # of `rigs.Distortion`
+    coefficients: NDArray[np.float64]  # (n,)
 
     @property
     def distortion(self) -> Distortion:
@@ -69,21 +61,11 @@ class Lens:
 def project(
     lens: Lens, points: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return the pixels of ``points`` in the camera's axes, and their derivatives.
+    """Return the pixels of ``points`` ``(N, 3)`` in the camera's axes, and their derivatives.
 
-    Parameters
-    ----------
-    lens : Lens
-    points : (N, 3) float64
-
-    Returns
-    -------
-    uv : (N, 2) float64
-        NaN where the point is behind a perspective camera. Folds of the lens are not detected.
-    by_point : (N, 2, 3) float64
-        Derivatives with respect to the point.
-    by_lens : (N, 2, 4 + n) float64
-        Derivatives with respect to fx, fy, cx, cy and the coefficients.
+    The pixels ``(N, 2)`` are NaN behind a perspective camera; folds of the lens are not detected.
+    Derivatives are by the point ``(N, 2, 3)``, and by fx, fy, cx, cy and the coefficients ``(N, 2,
+    4 + n)``.
     """
     if lens.model == "fisheye":
         plane, by_point, by_coefficients = _fisheye(lens.coefficients, points)

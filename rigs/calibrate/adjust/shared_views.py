@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import compress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -39,22 +40,11 @@ def rig_poses(
     """Return the poses of cameras and targets, which camera holds the axes, and offsets in time.
 
     The axes are those of the camera with most shared views. Each pair of cameras that saw the
-    target in one frame gets its relative pose from the shared frame that explains the others
-    best; both answers of the flat target are tried. Poses follow the maximum spanning tree of the
-    pairs, weighted by the points that agree. In a film a camera that does not agree is tried some
+    target in one frame gets its relative pose from the shared frame that explains the others best;
+    both answers of the flat target are tried. Poses follow the maximum spanning tree of the pairs,
+    weighted by the points that agree. In a film a camera that does not agree is tried some
     pictures earlier and later; the offsets ``(cameras,)``, whole pictures, say how much later its
     images were taken.
-
-    Parameters
-    ----------
-    names : tuple of str
-        The cameras' names, for errors.
-    views : list of View
-    observations : ObservationArrays
-        In order of camera, then frame.
-    frames : int
-    film : Film, optional
-        The moments of the frames.
 
     Raises
     ------
@@ -82,8 +72,7 @@ def rig_poses(
         border = np.where(joined[:, None] & ~joined[None, :], weight, 0.0)
         a, b = (int(place) for place in np.unravel_index(np.argmax(border), border.shape))
         if border[a, b] <= 0:
-            apart = ", ".join(name for name, is_in in zip(names, joined, strict=True) if not is_in)
-            rest = ", ".join(name for name, is_in in zip(names, joined, strict=True) if is_in)
+            apart, rest = (", ".join(compress(names, some)) for some in (~joined, joined))
             raise ValueError(
                 f"cameras {apart}: found no frame in which they see the target together with "
                 f"{rest}, expected shared views that join all cameras"

@@ -19,34 +19,17 @@ def in_world(
     world: str | Mapping[str, ArrayLike] | None,
     rescale: bool,
 ) -> tuple[Scene, str, float, tuple[str, ...]]:
-    """Return the scene in a world of the user's choice.
+    """Return the scene in a world of the user's choice, its world in words, growth and warnings.
 
-    Parameters
-    ----------
-    scene : Scene
-    cameras, frames : tuple of str
-    world : str or mapping of str to (3,) array_like, optional
-        See `rigs.calibrate.calibrate`.
-    rescale : bool
-        Whether given positions set the scale too.
-
-    Returns
-    -------
-    scene : Scene
-    world_frame : str
-        The world in words.
-    size : float
-        The factor by which lengths grew.
-    warnings : tuple of str
-        A line where given positions are poorly met.
+    ``world`` and ``rescale`` are those of `rigs.calibrate.calibrate`, checked by `check_options`.
+    The third value is the factor by which lengths grew; a warning says that given positions are
+    poorly met.
 
     Raises
     ------
     ValueError
-        If a name is neither camera nor frame with a pose, or positions do not fix the world.
+        If a frame has no pose, or positions do not fix the world.
     """
-    if rescale and not isinstance(world, Mapping):
-        raise ValueError("rescale: found True, expected world to give positions to scale by")
     if isinstance(world, Mapping):
         return _aligned(scene, cameras, frames, world, rescale)
     name = cameras[0] if world is None else world
@@ -106,8 +89,6 @@ def _aligned(
 
 def _posed_frame(scene: Scene, frames: tuple[str, ...], name: str) -> int:
     """Return the index of the frame called ``name``."""
-    if name not in frames:
-        raise ValueError(f"world: found {name!r}, expected the name of a camera or of a frame")
     index = frames.index(name)
     if not np.isfinite(scene.target_t[index]).all():
         raise ValueError(f"world: frame {name}: found no pose of the target in it")

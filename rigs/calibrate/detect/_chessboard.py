@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.detect._corners import are_corners, refine_corners
-from rigs.calibrate.detect._order import border, lattice, orders
-from rigs.calibrate.detect.found import Found, Search, local_axes
+from rigs.calibrate.detect.found import Found, Search, border, lattice, local_axes, orders
 from rigs.calibrate.targets import Chessboard
 
 _FALLBACK = 800  # pixels of the longer side, for the slower search that tolerates more blur

@@ -8,8 +8,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.detect._order import border, lattice, orders
-from rigs.calibrate.detect.found import Found, Search, local_axes, smooth_map
+from rigs.calibrate.detect.found import (
+    Found,
+    Search,
+    border,
+    lattice,
+    local_axes,
+    orders,
+    smooth_map,
+)
 from rigs.calibrate.targets import CircleGrid
 
 _LEAST = 6.0  # pixels of a circle's diameter; smaller ones have too few edge pixels

@@ -22,26 +22,12 @@ def refine_corners(
     gap: float | None = None,
     white: NDArray[np.int64] | None = None,
 ) -> tuple[Saddles, NDArray[np.bool_]]:
-    """Measure corners whose rough position is known.
+    """Measure corners whose rough position ``start`` ``(corners, 2)`` in pixels is known.
 
-    Parameters
-    ----------
-    image : (rows, columns) float32
-    positions : (corners, 2) float64
-        On the board, in squares.
-    start : (corners, 2) float64
-        Pixel coordinates.
-    gap : float, optional
-        Plain strip between a marker and its square, in squares; None without markers.
-    white : (corners,) int64, optional
-        1 where the quadrants with markers are those with x y > 0, -1 where x y < 0.
-
-    Returns
-    -------
-    saddles : Saddles
-    good : (corners,) bool
-        False where there is no such corner: the fit did not converge, moved away, or leaves large
-        residuals.
+    Positions ``(corners, 2)`` are on the board, in squares. With markers, ``gap`` is the plain
+    strip between a marker and its square, in squares, and ``white`` ``(corners,)`` is 1 where the
+    quadrants with markers are those with x y > 0, -1 where x y < 0. The second value is False
+    where there is no such corner: the fit did not converge, moved away, or leaves large residuals.
     """
     axes = local_axes(positions, start)
     start = _near_corners(image, start, axes, gap)

@@ -47,23 +47,14 @@ def fit_saddles(
     white: NDArray[np.int64] | None = None,
     bend: NDArray[np.float64] | None = None,
 ) -> Saddles:
-    """Fit the corners that lie within a pixel or two of ``start``.
+    """Fit the corners that lie within a pixel or two of ``start`` ``(corners, 2)``.
 
-    Parameters
-    ----------
-    image : (rows, columns) float32
-    start : (corners, 2) float64
-        Pixel coordinates to start from.
-    axes : (corners, 2, 2) float64
-        Columns are one square's step along the target's x and y, in pixels.
-    reach : (corners,) float64
-        Radius of the pixels to fit; at most 0.45 squares along the axes are used.
-    gap : (corners,) float64, optional
-        Distance from the edges, in squares, up to which a quadrant with a marker is plain.
-    white : (corners,) int64, optional
-        1 where the quadrants with markers are those with x y > 0, -1 where x y < 0, 0 for none.
-    bend : (corners, 2) float64, optional
-        Curvature of the two edges, 1 / pixel, towards the edge's left (x, y turned to -y, x).
+    Columns of ``axes`` ``(corners, 2, 2)`` are one square's step along the target's x and y, in
+    pixels. Pixels within ``reach`` ``(corners,)`` are fitted, at most 0.45 squares along the axes.
+    A quadrant with a marker is plain up to ``gap`` ``(corners,)`` squares from the edges;
+    ``white`` is 1 where these quadrants are those with x y > 0, -1 where x y < 0, 0 for none. The
+    edges' curvatures ``bend`` ``(corners, 2)``, 1 / pixel, are positive towards an edge's left (x,
+    y turned to -y, x).
     """
     count = len(start)
     if white is None:

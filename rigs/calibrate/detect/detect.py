@@ -11,11 +11,16 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.detect import _detection_cache
 from rigs.calibrate.detect._charuco import other_counts, other_dictionary
 from rigs.calibrate.detect._chessboard import counted_chessboard
-from rigs.calibrate.detect._detection_cache import Entry
-from rigs.calibrate.detect._detection_run import Job, find, search_images
+from rigs.calibrate.detect._detection_run import (
+    Entry,
+    Job,
+    find,
+    read_cache,
+    search_images,
+    write_cache,
+)
 from rigs.calibrate.detect.found import Found, Search
 from rigs.calibrate.detect.image_sets import Source, read_source
 from rigs.calibrate.observations import Observations
@@ -48,8 +53,8 @@ class Detections:
     def __repr__(self) -> str:
         return f"<Detections: {self.observations!r}, {len(self.reasons)} images without target>"
 
-    def blurred(self, factor: float = 2.0) -> tuple[tuple[str, str, float], ...]:
-        """Return camera, frame and blur of images blurred ``factor`` times more than usual.
+    def blurred(self) -> tuple[tuple[str, str, float], ...]:
+        """Return camera, frame and blur of images blurred twice as much as usual or more.
 
         Usual is the median over the camera's images, at least one pixel.
         """
@@ -58,7 +63,7 @@ class Detections:
             if np.isfinite(row).any():
                 usual[camera] = max(np.nanmedian(row), 1.0)
         with np.errstate(invalid="ignore"):
-            where = np.argwhere(self.blur > factor * usual[:, None])
+            where = np.argwhere(self.blur > 2 * usual[:, None])
         names = self.observations
         return tuple(
             (names.cameras[camera], names.frames[frame], float(self.blur[camera, frame]))
@@ -140,7 +145,7 @@ def detections(
     jobs = [
         (camera, frame, images[camera][frame]) for camera in images for frame in images[camera]
     ]
-    known = {} if cache is None else _detection_cache.read(Path(cache))
+    known = {} if cache is None else read_cache(Path(cache))
     used: dict[str, Entry] = {}
     try:
         entries = search_images(jobs, target, True, known, used, progress, workers)
@@ -159,7 +164,7 @@ def detections(
             ]
     finally:
         if cache is not None and used.keys() - known.keys():
-            _detection_cache.write(Path(cache), known | used)
+            write_cache(Path(cache), known | used)
     _check_sizes(jobs, entries)
     _check_seen(jobs, entries, target)
     return _collect(images, jobs, entries, target)

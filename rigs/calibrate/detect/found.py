@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import cv2
@@ -9,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 _SEARCHED = 1600  # pixels of the longer side; more take longer and find no more
+_FARTHEST = 0.3  # grid steps RMS from a homography; a strong lens stays below
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +45,10 @@ class Found:
 
 @dataclass(frozen=True, eq=False)
 class Search:
-    """One image in two forms: small and 8-bit to search, whole to measure.
+    """One image in two forms: small and 8-bit to search, whole to measure."""
 
-    Parameters
-    ----------
-    whole : (rows, columns) float32
-    small : (rows, columns) uint8
-        Contrast stretched to the full range, at most 1600 pixels across.
-    """
-
-    whole: NDArray[np.float32]
-    small: NDArray[np.uint8]
+    whole: NDArray[np.float32]  # (rows, columns)
+    small: NDArray[np.uint8]  # contrast stretched to the full range, at most 1600 pixels across
 
     @classmethod
     def of(cls, image: NDArray) -> Search:
@@ -84,19 +79,10 @@ class Search:
 
 
 def local_axes(positions: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the derivative of pixels by positions on the target, at each of its points.
+    """Return each point's derivative of pixels by positions on the target, ``(points, 2, 2)``.
 
-    Parameters
-    ----------
-    positions : (points, 2) float64
-        Positions on the target, in steps from point to point.
-    uv : (points, 2) float64
-
-    Returns
-    -------
-    axes : (points, 2, 2) float64
-        Columns are one step along the target's x and along its y, in pixels, from an affine map
-        fitted to each point's neighbours.
+    Columns are one step from point to point along the target's x and along its y, in pixels, from
+    an affine map fitted to each point's neighbours.
     """
     apart = positions[None] - positions[:, None]  # (points, others, 2)
     # Far points have little weight, but determine a direction without a neighbour
@@ -120,17 +106,9 @@ def smooth_map(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fit a homography and, given enough points, a polynomial for the lens.
 
-    Parameters
-    ----------
-    positions, uv : (points, 2) float64
-
-    Returns
-    -------
-    smooth : (points, 2) float64
-        The fitted ``uv``.
-    bending : (points, 2, 2) float64
-        Rows are the second derivatives of the polynomial along the target's x and y, in pixels
-        by step², the curvature of straight edges. Zero without a polynomial.
+    The first value is the fitted ``uv`` ``(points, 2)``. Rows of the second ``(points, 2, 2)`` are
+    the second derivatives of the polynomial along the target's x and y, in pixels by step², the
+    curvature of straight edges; zero without a polynomial.
     """
     homography = cv2.findHomography(positions, uv, 0)[0]
     if homography is None:
@@ -160,3 +138,48 @@ def smooth_map(
                 second[:, 1, k] = j * (j - 1) * x**i * y ** (j - 2)
         return straight + terms @ factors, second @ factors / scale**2
     return straight, np.zeros((len(uv), 2, 2))
+
+
+def orders(uv: NDArray[np.float64], positions: NDArray[np.float64], columns: int) -> Iterator:
+    """Yield the possible orders ``(points,)`` of an image's points as the target's points.
+
+    The target is seen from its front, so its axes have the image's handedness, and a homography
+    maps its points to the image. The points ``uv`` ``(points, 2)`` are row by row as the search
+    gives them: any corner first, along columns or rows; ``uv[order]`` are the images of
+    ``positions`` ``(points, 2)``, row by row. The order whose first point is nearest to the
+    image's upper left comes first.
+    """
+    grid = np.arange(len(uv)).reshape(-1, columns)
+    turned = [np.rot90(side, turn) for side in (grid, grid[:, ::-1]) for turn in range(4)]
+    possible = []
+    for order in (side.ravel() for side in turned if side.shape == grid.shape):
+        homography = cv2.findHomography(positions, uv[order], 0)[0]
+        if homography is None:
+            continue
+        off = cv2.perspectiveTransform(positions[None], homography)[0] - uv[order]
+        steps = np.column_stack([positions - positions.mean(axis=0), np.ones(len(positions))])
+        axes = np.linalg.lstsq(steps, uv[order], rcond=None)[0][:2]
+        if np.linalg.det(axes) > 0:
+            step = np.sqrt(np.linalg.det(axes))
+            possible.append((np.sqrt(np.mean(off**2)) / step, order))
+    least = min((off for off, _ in possible), default=1.0)
+    kept = [order for off, order in possible if off < 1.01 * least + 1e-3 and off < _FARTHEST]
+    yield from sorted(kept, key=lambda order: float(uv[order[0]].sum()))
+
+
+def lattice(columns: NDArray, rows: NDArray, asymmetric: bool = False) -> NDArray[np.float64]:
+    """Return positions ``(..., 2)`` of columns and rows of a grid, in row spacings."""
+    if asymmetric:
+        columns = 2 * columns + rows % 2
+    return np.stack([columns, rows], axis=-1).astype(np.float64)
+
+
+def border(columns: int, rows: int, asymmetric: bool = False) -> list[NDArray[np.float64]]:
+    """Return the positions ``(points, 2)`` next to each of a grid's four sides."""
+    across, down = np.arange(columns), np.arange(rows)
+    return [
+        lattice(across, np.full(columns, -1), asymmetric),
+        lattice(across, np.full(columns, rows), asymmetric),
+        lattice(np.full(rows, -1), down, asymmetric),
+        lattice(np.full(rows, columns), down, asymmetric),
+    ]

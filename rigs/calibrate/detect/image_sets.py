@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.detect.split_sets import check_not_split
 from rigs.recordings import (
     CONTAINER_SUFFIXES,
     FILM_SUFFIXES,
@@ -30,19 +29,13 @@ _NEVER_IMAGES = (
     ".csv", ".html", ".ini", ".json", ".log", ".m", ".mat", ".md", ".npz", ".odt", ".ods", ".pdf",
     ".py", ".pyc", ".toml", ".txt", ".xls", ".xlsx", ".xml", ".yaml", ".yml", ".zip",
 )  # fmt: skip
+_LENSES, _POSES = "intri", "extri"  # folders' names, as Pose2Sim has them
+_BY_PATTERN = "; cameras are called alike by --pattern, like '*_{camera}_img/{frame}.*'"
 
 
 @dataclass(frozen=True)
 class VideoFrame:
-    """One picture of a video.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-        The video.
-    index : int
-        The picture's number, from 0.
-    """
+    """One picture of a video: the file's path, and the picture's number from 0."""
 
     path: Path
     index: int
@@ -53,12 +46,7 @@ class VideoFrame:
 
 @dataclass(frozen=True)
 class MosaicImage:
-    """An image file of a sensor with colour filters, even where the file does not say so.
-
-    Parameters
-    ----------
-    path : pathlib.Path
-    """
+    """An image file of a sensor with colour filters, even where the file does not say so."""
 
     path: Path
 
@@ -151,10 +139,15 @@ def image_set(
             raise ValueError(f"{folder}: camera {twice.stem}: found two videos, expected one")
         return _pictures_of(named, every, are_mosaics)
     for path in folders:
-        if not _is_stray(path):
-            _check_holds_images(path)
-        elif note is not None:
-            note(f"{path}: holds no image, only files of other kinds: not taken as a camera")
+        if _is_stray(path):
+            if note is not None:
+                note(f"{path}: holds no image, only files of other kinds: not taken as a camera")
+        elif not images_in(path):
+            raise ValueError(
+                f"{path}: camera {path.name}: found no images ({_contents(path)}), expected some "
+                f"of {', '.join(IMAGE_SUFFIXES)}; move the folder away if it is no camera, or say "
+                "where images are, like --pattern '{camera}/{frame}.tif'"
+            )
     found = find_images(folder)
     if not found:
         there = f"{len(loose)} images outside camera folders" if loose else "neither"
@@ -163,6 +156,40 @@ def image_set(
             f"{how_to_name(loose, folder, None)}"
         )
     return _sources(found, are_mosaics)
+
+
+def check_not_split(folder: Path, are_lenses_given: bool = False) -> None:
+    """Raise where a folder holds, or is one of, two folders of images for lenses and for poses.
+
+    Images of a lens alone show the target at other times than those of another camera, so that
+    equal names mean no moment: calibrated as one set, they fail after minutes. Where lenses, or
+    images of them, are given too, a folder of poses alone is right.
+
+    Raises
+    ------
+    ValueError
+        In one line that gives both folders and the option for each.
+    """
+    if not folder.is_dir():
+        return
+    lenses, poses = _named(folder, _LENSES), _named(folder, _POSES)
+    is_one = folder.name.lower().startswith((_LENSES, _POSES)) and not are_lenses_given
+    if is_one and not (lenses and poses):
+        lenses, poses = (_named(folder.absolute().parent, name) for name in (_LENSES, _POSES))
+    if lenses is None or poses is None:
+        return
+    cameras = [{path.name for path in one.iterdir() if path.is_dir()} for one in (lenses, poses)]
+    alike = "" if cameras[0] == cameras[1] else _BY_PATTERN
+    raise ValueError(
+        f"{folder}: found images of lenses in {lenses.name} and of poses in {poses.name}, "
+        f"expected each as what it is: {poses} as IMAGES and --intrinsics-images {lenses}{alike}"
+    )
+
+
+def _named(folder: Path, start: str) -> Path | None:
+    """Return the folder in ``folder`` whose name begins so, if it is one alone."""
+    found = [p for p in folder.iterdir() if p.name.lower().startswith(start) and p.is_dir()]
+    return found[0] if len(found) == 1 else None
 
 
 def _sources(found: Images, are_mosaics: bool) -> dict[str, dict[str, Source]]:
@@ -198,12 +225,7 @@ def read_source(source: Source) -> NDArray:
 
     Colour becomes grey by its luminance; an array's channels are blue, green and red, as OpenCV
     has them. How a file is meant to be turned for viewing is ignored: calibration is about the
-    sensor.
-
-    Raises
-    ------
-    ValueError
-        If it cannot be read, is truncated, or is no image; the message names the file.
+    sensor. The file is named where it cannot be read, is truncated, or is no image.
     """
     if isinstance(source, VideoFrame):
         return next(iter(read_pictures(source.path, [source.index])))[1]
@@ -221,13 +243,7 @@ def read_source(source: Source) -> NDArray:
 
 
 def read_pictures(path: Path, indices: Iterable[int]) -> Iterator[tuple[int, NDArray]]:
-    """Yield number and grey image of a film's pictures, in order.
-
-    Raises
-    ------
-    ValueError
-        If the film cannot be opened or ends before the last picture asked for.
-    """
+    """Yield number and grey image of a film's pictures, in order; it must have all of them."""
     film = open_recording(path)
     for index in sorted(set(indices)):
         image = film.read(index)
@@ -249,16 +265,6 @@ def _pictures_of(
         }
         for camera, path in films.items()
     }
-
-
-def _check_holds_images(folder: Path) -> None:
-    """Raise unless a folder, which names a camera, holds images."""
-    if not images_in(folder):
-        raise ValueError(
-            f"{folder}: camera {folder.name}: found no images ({_contents(folder)}), expected "
-            f"some of {', '.join(IMAGE_SUFFIXES)}; move the folder away if it is no camera, or "
-            "say where images are, like --pattern '{camera}/{frame}.tif'"
-        )
 
 
 def _is_stray(folder: Path) -> bool:

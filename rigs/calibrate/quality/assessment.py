@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.calibrate.observations import Observations
-from rigs.calibrate.quality.left_out import causes_besides_lens, left_out
 from rigs.calibrate.quality.quality import Quality
+from rigs.check.lines_of_sight import finite_rms
 from rigs.geometry.points import SILENT
 
 # Limits above which a figure becomes a finding; lower ones would warn of sound calibrations
@@ -20,6 +22,8 @@ _HIGH_FRAME = 3.0  # ratio to the usual residual, one frame
 _HIGH_NOISE = 1.0  # pixels
 _LITTLE_COVERAGE = 0.6  # fraction of the volume's image; less is extrapolated
 _HIGH_FOCAL_ERROR = 0.05  # relative standard deviation
+_MANY_IMAGES = 0.2  # fraction of a camera's images left out: the camera is responsible
+_MANY_POINTS = 0.1  # fraction of a camera's points left out
 
 
 def findings(
@@ -33,28 +37,14 @@ def findings(
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return warnings about the rig, the gravest first, and notes on what was left out.
 
-    Parameters
-    ----------
-    quality : Quality
-    observations : Observations
-    used : (observations,) bool
-    noise : float
-        Pixels.
-    voxel : float, optional
-        Edge length of a voxel.
-    offsets : tuple of str, optional
-        Each camera's offset in time in words, where a film shows it: it is then no cause.
-    held : str
-        The lens that the adjustment held, in words.
-
-    Notes
-    -----
-    Where the rays meet within a tenth of ``voxel``, only errors that displace them by more are
-    reported, and points left out are a note; where it is None a voxel is as large as a pixel.
+    ``offsets`` are each camera's offset in time in words, where a film shows it: it is then no
+    cause. ``held`` is the lens that the adjustment held, in words. Where the rays meet within a
+    tenth of ``voxel``, an edge length, only errors that displace them by more are reported, and
+    points left out are a note; where it is None a voxel is as large as a pixel.
     """
     least = _least_displacement(quality, voxel)
-    causes = causes_besides_lens(offsets, len(observations.cameras))
-    warnings, notes = left_out(quality, observations, used, causes, harmless=bool(least.all()))
+    causes = _causes(offsets, len(observations.cameras))
+    warnings, notes = _left_out(quality, observations, used, causes, harmless=bool(least.all()))
     contradictions, frame_notes = _contradictions(quality, observations, used, least, offsets)
     warnings += contradictions
     notes += frame_notes
@@ -100,6 +90,86 @@ def assessment(
     return "\n".join([*lines, *warnings, *notes])
 
 
+def _causes(offsets: tuple[str, ...] | None, cameras: int) -> list[str]:
+    """Return for each camera why it may disagree, other than by its lens."""
+    if offsets is None:
+        return ["it moved or is not synchronised"] * cameras
+    return [f"it moved (it is {words})" for words in offsets]
+
+
+def _left_out(
+    quality: Quality,
+    observations: Observations,
+    used: NDArray[np.bool_],
+    causes: list[str],
+    *,
+    harmless: bool,
+) -> tuple[list[str], list[str]]:
+    """Return warnings and notes on what was left out: whole images, and single observations.
+
+    Single observations are a note where the rays of those that remain meet: ``harmless``.
+    """
+    seen, kept = observations.counts(), observations.where(used).counts()
+    # Images without residuals never had a pose
+    out = (seen > 0) & (kept == 0) & np.isfinite(quality.image_rms)
+    frames = observations.frames
+    warnings, notes = [], []
+    for camera, name, images, words in _many(observations, out):
+        warnings.append(
+            f"camera {name}: {words}, disagree with the other cameras and were left out: "
+            f"{causes[camera]}"
+        )
+        out[camera, images] = False
+    # When two disagree either may be left out, so the one that remains is as suspect
+    alone = (kept > 0) & ((kept > 0).sum(axis=0) == 1) & out.any(axis=0)
+    for camera, name, images, words in _many(observations, alone):
+        warnings.append(
+            f"camera {name}: in {words}, no other camera agrees with it: {causes[camera]}, or all "
+            "others did"
+        )
+        out[:, images] = False
+    for frame in np.flatnonzero((out.sum(axis=0) >= 2) & (kept.sum(axis=0) == 0)):
+        cameras = [observations.cameras[camera] for camera in np.flatnonzero(out[:, frame])]
+        notes.append(
+            f"frame {frames[frame]}: cameras {', '.join(cameras)} disagree by "
+            f"{np.nanmax(quality.image_rms[:, frame]):.2g} px, left out: the target moved, or an "
+            "image is not synchronised"
+        )
+        out[:, frame] = False
+    for camera, frame in np.argwhere(out):
+        notes.append(
+            f"camera {observations.cameras[camera]}, frame {frames[frame]}: disagrees with the "
+            f"other cameras by {quality.image_rms[camera, frame]:.2g} px, left out: the camera "
+            "moved or is not synchronised there, or the target was detected in a wrong order"
+        )
+    for camera, name in enumerate(observations.cameras):
+        own = observations.camera == camera
+        single = own & ~used & (kept[camera, observations.frame] > 0)
+        if single.any():
+            where = [frames[frame] for frame in np.unique(observations.frame[single])]
+            line = (
+                f"camera {name}: {int(single.sum())} of {int(own.sum())} points left out, "
+                f"detected in the wrong place in frames {', '.join(where[:5])}"
+                + (f" and {len(where) - 5} more" if len(where) > 5 else "")
+            )
+            many = single.sum() > _MANY_POINTS * own.sum()
+            (warnings if many and not harmless else notes).append(line)
+    return warnings, notes
+
+
+def _many(
+    observations: Observations, which: NDArray[np.bool_]
+) -> Iterator[tuple[int, str, NDArray[np.int64], str]]:
+    """Yield cameras with many of ``which`` images ``(cameras, frames)``, with these in words."""
+    counts = (observations.counts() > 0).sum(axis=1)
+    for camera, (name, of) in enumerate(zip(observations.cameras, counts, strict=True)):
+        images = np.flatnonzero(which[camera])
+        if len(images) >= 3 and len(images) > _MANY_IMAGES * of:
+            first, last = (observations.frames[frame] for frame in images[[0, -1]])
+            words = f"{len(images)} of its {of} images, from frame {first} to {last}"
+            yield camera, name, images, words
+
+
 def _contradictions(
     quality: Quality,
     observations: Observations,
@@ -108,8 +178,7 @@ def _contradictions(
     offsets: tuple[str, ...] | None,
 ) -> tuple[list[str], list[str]]:
     """Return warnings on cameras and notes on frames that were used but contradict the others."""
-    kept = np.zeros(quality.contradiction.shape, bool)
-    kept[observations.camera[used], observations.frame[used]] = True
+    kept = observations.where(used).counts() > 0
     contradiction = np.where(kept, quality.contradiction, np.nan)
     cameras, frames = (np.sqrt(_mean(contradiction**2, axis)) for axis in (1, 0))
     if len(cameras) < 2:
@@ -122,9 +191,9 @@ def _contradictions(
     others = float(np.median(np.delete(cameras, worst)))
     name = observations.cameras[worst]
     if cameras[worst] > _CAMERA_CONTRADICTS and (moved >= least).any():
-        alone = _rms(np.where(kept, quality.alone_rms, np.nan)[worst])
+        alone = np.nan_to_num(finite_rms(np.where(kept, quality.alone_rms, np.nan)[worst]))
         rms = f"residuals {quality.camera_rms[worst]:.2g} px, {alone:.2g}"
-        cause = causes_besides_lens(offsets, len(cameras))[worst]
+        cause = _causes(offsets, len(cameras))[worst]
         if cameras[worst] > _MORE_THAN_OTHERS * others and len(cameras) > 2:
             lines.append(
                 f"camera {name}: contradicts the others ({rms} by itself, {cameras[worst]:.2g} "
@@ -159,9 +228,8 @@ def _bad_images(
 ) -> list[str]:
     """Return lines on cameras and frames that are noisy or bent even by themselves."""
     lines = []
-    kept = np.zeros(quality.alone_rms.shape, bool)
-    kept[observations.camera[used], observations.frame[used]] = True
-    cameras = np.array([_rms(row) for row in np.where(kept, quality.alone_rms, np.nan)])
+    kept = observations.where(used).counts() > 0
+    cameras = np.nan_to_num([finite_rms(row) for row in np.where(kept, quality.alone_rms, np.nan)])
     for camera, name in enumerate(observations.cameras):
         others = np.delete(cameras, camera)
         usual = float(np.median(others)) if len(others) else np.inf
@@ -190,12 +258,6 @@ def _bad_images(
     return lines
 
 
-def _rms(values: NDArray) -> float:
-    """Return the root mean square of the finite values; 0 without any."""
-    values = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
-
-
 def _mean(values: NDArray, axis: int) -> NDArray[np.float64]:
     """Return the mean of the finite values along ``axis``; 0 without any."""
     finite = np.isfinite(values)
@@ -219,13 +281,13 @@ def _least_displacement(quality: Quality, voxel: float | None) -> NDArray[np.flo
 def _unmodelled(quality: Quality, voxel: float | None) -> list[str]:
     """Return a line where halves of the frames differ more than noise explains."""
     least = SILENT * _reference(quality, voxel)
-    if quality.cross_ray_miss > max(_HIGH * quality.cross_expected, least):
-        return [
-            f"halves of the frames differ {quality.cross_ray_miss / quality.cross_expected:.2g} "
-            "times as much as noise explains: the target is bent, something moved, or a lens is "
-            "beyond the model. The predicted ray-miss is too small"
-        ]
-    return []
+    if not quality.cross_ray_miss > max(_HIGH * quality.cross_expected, least):
+        return []
+    return [
+        f"halves of the frames differ {quality.cross_ray_miss / quality.cross_expected:.2g} times "
+        "as much as noise explains: the target is bent, something moved, or a lens is beyond the "
+        "model. The predicted ray-miss is too small"
+    ]
 
 
 def _thin_data(quality: Quality, observations: Observations, voxel: float | None) -> list[str]:

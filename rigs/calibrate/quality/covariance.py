@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.bundle import information
+from rigs.calibrate.adjust.bundle import fall_of_squares, information
 from rigs.calibrate.adjust.freedom import Freedom
-from rigs.calibrate.adjust.joint_terms import fall_of_squares
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.rig import Rig
 

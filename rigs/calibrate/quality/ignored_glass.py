@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.adjust.bundle import normal_equations, reduced
 from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.initial import LEAST_VIEWS
 from rigs.calibrate.adjust.observation_arrays import (
     ObservationArrays,
     Scene,
@@ -24,25 +25,16 @@ _ANGLES, _TURNS = np.radians(np.arange(5, 65, 5)), np.radians(np.arange(0, 360, 
 _FALSE_ALARMS = 1e-3  # calibrations in which chance alone names a pane
 _ALIKE = 3.5  # variances that squares rise within one standard deviation of three numbers
 _KNOWN = 1e-9  # relative eigenvalue below which unknowns are not determined: a target's own pose
-_LEAST_FRAMES = 6  # of a camera: three in each half determine its pose
 
 
 @dataclass(frozen=True)
 class IgnoredGlass:
     """A pane in front of one camera that its residuals show.
 
-    Parameters
-    ----------
-    camera : int
-    thickness : (float, float)
-        Least and most of panes of index 1.5 that explain them about equally, in the unit of the
-        unknowns.
-    angle : (float, float)
-        Between their normals and the camera's axis, degrees.
-    deviations : float
-        By how many standard deviations it is confirmed on the frames that it was not found on.
-    moves : float
-        Pixels, RMS: by how much it moves points where lens and poses do not follow.
+    Panes of index 1.5 between the two thicknesses, in the unit of the unknowns, and the two angles
+    of their normals to the camera's axis, in degrees, explain them about equally. They are
+    confirmed by ``deviations`` standard deviations on the frames that they were not found on. A
+    pane ``moves`` points by so many pixels RMS where lens and poses do not follow.
     """
 
     camera: int
@@ -75,24 +67,18 @@ def ignored_glass(
 ) -> tuple[IgnoredGlass, ...]:
     """Return panes of glass that explain residuals, on frames that they were not found on.
 
-    Parameters
-    ----------
-    scene : Scene
-        Adjusted, without a scene to look through.
-    observations : ObservationArrays
-        Without outliers, in order of camera, then frame.
-    freedom : Freedom
+    The scene is adjusted, without one to look through; observations have no outliers.
 
     Notes
     -----
-    A plate of thickness T and index n moves the apparent point along its normal by
-    ``T (1 - cos a / sqrt(n² - sin² a))``, a the angle of the light to the normal. Poses and lens
-    absorb most of it; what is left depends on T linearly. For each direction of a grid the score
-    by T is computed with all other unknowns eliminated (Rao's test). Every term of the richest
-    lens is among them, and so is every point's place on the target: what they explain is not said
-    to be glass. The direction that one half of the frames favours is tested on the other half,
-    where its score is normal with variance 1 if there is no pane. A pane is named where the mean
-    of both halves exceeds the bound of one false alarm in a thousand calibrations.
+    A plate of thickness T and index n moves the apparent point along its normal by ``T (1 - cos a
+    / sqrt(n² - sin² a))``, a the angle of the light to the normal. Poses and lens absorb most of
+    it; what is left depends on T linearly. For each direction of a grid the score by T is computed
+    with all other unknowns eliminated (Rao's test). Every term of the richest lens is among them,
+    and so is every point's place on the target: what they explain is not said to be glass. The
+    direction that one half of the frames favours is tested on the other half, where its score is
+    normal with variance 1 if there is no pane. A pane is named where the mean of both halves
+    exceeds the bound of one false alarm in a thousand calibrations.
     """
     from scipy.stats import norm
 
@@ -108,7 +94,7 @@ def ignored_glass(
     bound, found = norm.isf(_FALSE_ALARMS / len(scene.lenses)), []
     for camera in range(len(scene.lenses)):
         own = [np.unique(half.frame[half.camera == camera]) for half in halves]
-        if min(map(len, own)) < _LEAST_FRAMES // 2:
+        if min(map(len, own)) < LEAST_VIEWS:
             continue
         rich, free = _with_richest_lens(scene, freedom, camera)
         try:

@@ -10,9 +10,13 @@ from numpy.typing import NDArray
 from rigs.calibrate.adjust.bundle import adjust
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
-from rigs.calibrate.quality.accuracy import camera_accuracies
 from rigs.calibrate.quality.covariance import covariance_of, focal_errors, lens_misfit
-from rigs.calibrate.quality.ray_miss import evaluation_points, predicted_squares, views
+from rigs.calibrate.quality.ray_miss import (
+    camera_accuracies,
+    evaluation_points,
+    predicted_squares,
+    views,
+)
 from rigs.camera import Camera
 from rigs.check.lines_of_sight import ray_miss
 from rigs.figures import Accuracy
@@ -104,17 +108,8 @@ def measure(
 ) -> tuple[Quality, float, NDArray[np.float64]]:
     """Return the figures of an adjusted scene, the pixel noise and the covariance.
 
-    Parameters
-    ----------
-    rig : Rig
-        The cameras of ``scene``.
-    scene : Scene
-    observations : ObservationArrays
-        In order of camera, then frame.
-    used : (observations,) bool
-    freedom : Freedom
-    volume : Volume, optional
-        Where ray-miss is evaluated; by default where the target was.
+    The rig has the cameras of the scene. Observations are in order of camera, then frame. Ray-miss
+    is evaluated in the volume, by default where the target was.
 
     Raises
     ------

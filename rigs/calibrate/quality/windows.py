@@ -20,28 +20,15 @@ _FAR_OFF = 4.0  # standard deviations of what was given; one in 16 000 is farthe
 
 @dataclass(frozen=True)
 class AdjustedWindow:
-    """A window whose pose and thickness were adjusted; lengths in the rig's unit.
-
-    Parameters
-    ----------
-    name : str
-    normal, point : (3,)
-    thickness : float
-    changes : (float, float, float)
-        By how much normal (degrees), place along it and thickness differ from those given.
-    errors : (float, float, float)
-        Their standard deviations; 0 where held.
-    priors : (float, float, float)
-        Standard deviations of those given.
-    """
+    """A window whose pose and thickness were adjusted; lengths in the rig's unit."""
 
     name: str
     normal: tuple[float, float, float]
     point: tuple[float, float, float]
     thickness: float
-    changes: tuple[float, float, float]
-    errors: tuple[float, float, float]
-    priors: tuple[float, float, float]
+    changes: tuple[float, float, float]  # normal (degrees), place along it, thickness
+    errors: tuple[float, float, float]  # standard deviations of the changes; 0 where held
+    priors: tuple[float, float, float]  # standard deviations of what was given
 
     def in_words(self, length_unit: str) -> str:
         """Return a line on what was found."""

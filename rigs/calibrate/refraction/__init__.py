@@ -5,8 +5,7 @@ import lazy_loader
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "refraction": ["Refraction"],
+        "refraction": ["Refraction", "WindowPrior"],
         "routes": ["HIDDEN", "NONE", "PASSES", "REFLECTED", "routes_to"],
-        "window_prior": ["WindowPrior"],
     },
 )

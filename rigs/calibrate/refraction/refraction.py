@@ -2,21 +2,93 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
 from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.scene.plates import Window
 from rigs.scene.scene import Scene
 from rigs.scene.sight_lines import CENTER, WINDOW, endless, sight_lines
 from rigs.scene.solids import Solid, vector_of
-from rigs.scene.surfaces import perpendicular
+from rigs.scene.surfaces import BLOCKS, perpendicular
+
+
+@dataclass(frozen=True)
+class WindowPrior:
+    """Standard deviations of a window's given pose and thickness; what has none is held.
+
+    Parameters
+    ----------
+    name : str
+        The window's, in the scene.
+    normal : float
+        Of its direction, each way, in degrees.
+    distance : float
+        Of its place along the normal, in the rig's length unit.
+    thickness : float
+        In the rig's length unit.
+
+    Raises
+    ------
+    ValueError
+        If a number is negative or all are zero.
+
+    Examples
+    --------
+    >>> WindowPrior.parsed("quartz:normal=2,thickness=0.1")
+    WindowPrior(name='quartz', normal=2.0, distance=0.0, thickness=0.1)
+    """
+
+    name: str
+    normal: float = 0.0
+    distance: float = 0.0
+    thickness: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Check the numbers."""
+        values = (self.normal, self.distance, self.thickness)
+        if not all(0 <= value < math.inf for value in values) or not any(values):
+            raise ValueError(
+                f"window {self.name}: found standard deviations {values}, expected those of what "
+                "is adjusted: normal (degrees), distance, thickness"
+            )
+
+    @property
+    def deviations(self) -> tuple[float, float, float, float]:
+        """Those of its four numbers: two tilts in radians, distance, thickness."""
+        tilt = math.radians(self.normal)
+        return tilt, tilt, self.distance, self.thickness
+
+    @classmethod
+    def parsed(cls, text: str) -> Self:
+        """Return the prior of a text ``NAME:normal=2,distance=1,thickness=0.1``.
+
+        Raises
+        ------
+        ValueError
+            Naming the text.
+        """
+        name, _, values = text.rpartition(":")
+        known = [field.name for field in fields(cls)[1:]]
+        found = {}
+        for part in values.split(","):
+            key, _, number = part.partition("=")
+            try:
+                found[key.strip()] = float(number)
+            except ValueError:
+                found[""] = 0.0
+        if not name.strip() or not set(found) <= set(known):
+            raise ValueError(
+                f"found {text!r}, expected NAME:normal=DEGREES,distance=LENGTH,thickness=LENGTH, "
+                "the standard deviations of what is adjusted of a window"
+            )
+        return cls(name.strip(), **found)
 
 
 @dataclass(frozen=True, eq=False)
@@ -147,12 +219,7 @@ class Refraction:
         )
 
     def check_outside(self, center: NDArray[np.float64], camera: str = "a camera") -> None:
-        """Raise if a camera stands in a solid.
-
-        Raises
-        ------
-        ValueError
-        """
+        """Raise if a camera stands in a solid."""
         for solid in self.scene.solids:
             if solid.contains(center[None])[0]:
                 raise ValueError(
@@ -180,15 +247,9 @@ class Refraction:
         """All faces, without borders, ``(F,)`` of `rigs.scene.surfaces.FACE`."""
         return self._tables[0]
 
-    @property
-    def solid(self) -> NDArray[np.int64]:
-        """The solid of each face."""
-        return self.faces["solid"]
-
-    @property
-    def action(self) -> NDArray[np.int64]:
-        """What each face does to light, as in `rigs.scene.surfaces`."""
-        return self.faces["action"]
+    def passing(self, number: int) -> NDArray[np.int64]:
+        """Return the faces of a solid that do not block light."""
+        return np.flatnonzero((self.faces["solid"] == number) & (self.faces["action"] != BLOCKS))
 
     def directions(
         self,
@@ -213,14 +274,7 @@ class Refraction:
         points: NDArray[np.float64],
         routes: NDArray[np.int64],
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return `directions` ``(N, 3)``, and their derivatives.
-
-        Returns
-        -------
-        directions : (N, 3) float64
-        by_center, by_point : (N, 3, 3) float64
-        by_window : (N, 3, size) float64
-        """
+        """Return `directions`, and derivatives by center, points ``(N, 3, 3)`` and windows."""
         count = len(points)
         found = np.zeros((count, 3))
         by_center, by_point = np.zeros((2, count, CENTER, CENTER))

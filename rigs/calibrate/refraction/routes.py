@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.scene.paths import Paths
-from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, SPHERE, TRIANGLE, Glass
+from rigs.scene.surfaces import CYLINDER, PLANE, SPHERE, TRIANGLE, Glass
 from rigs.scene.tracing import REFLECTED as ENDS_REFLECTED
 
 if TYPE_CHECKING:
@@ -23,24 +23,12 @@ _ROUNDS = 4  # of tracing towards where the route before led; the second changes
 def routes_to(
     refraction: Refraction, center: NDArray[np.float64], points: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Return the faces that light from points crosses on its way to a camera.
+    """Return the faces that light from ``points`` ``(N, 3)`` crosses on its way to a camera.
 
     The first path goes straight towards the point; the next one takes the direction in which the
-    point is seen along that path's faces, until the faces remain the same.
-
-    Parameters
-    ----------
-    refraction : Refraction
-    center : (3,) float64
-        The camera's.
-    points : (N, 3) float64
-
-    Returns
-    -------
-    routes : (N, R) int64
-        Numbers of faces in order from the camera, then -1.
-    ends : (N,) int64
-        `PASSES`, `HIDDEN`, `REFLECTED` or `NONE`.
+    point is seen along that path's faces, until the faces remain the same. Routes ``(N, R)`` are
+    numbers of faces in order from the camera, then -1; ends ``(N,)`` are `PASSES`, `HIDDEN`,
+    `REFLECTED` or `NONE`.
 
     Raises
     ------
@@ -116,7 +104,7 @@ def _faces_at(refraction: Refraction, paths: Paths, pieces: NDArray) -> NDArray[
     ends, solids = paths.origins[pieces + 1], paths.solids[pieces]
     found = np.full(len(pieces), -1)
     for number in np.unique(solids):
-        rows = np.flatnonzero((refraction.solid == number) & (refraction.action != BLOCKS))
+        rows = refraction.passing(number)
         if (refraction.faces["kind"][rows] == TRIANGLE).any():
             raise ValueError(
                 f"scene: solid {refraction.scene.solids[number].name}: found glass or a mirror of "

@@ -13,7 +13,7 @@ from rigs.calibrate.refraction.refraction import Refraction
 from rigs.calibrate.refraction.routes import routes_to
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.scene.plates import Window
-from rigs.scene.surfaces import BLOCKS, PLANE
+from rigs.scene.surfaces import PLANE
 
 _FARTHEST = 4.0  # half a window's size: a line of sight that misses by more is not through it
 
@@ -26,16 +26,8 @@ def start_before_media(
     Light in the other medium is straight. An adjustment that ignores the medium's border thus
     finds the targets in it right, and cameras that are m times as far from the border, with m
     times the focal length, where m is the ratio of the indices: the virtual cameras of paraxial
-    optics.
-
-    Parameters
-    ----------
-    scene : Scene
-        In the world, as found without the scene.
-    arrays : ObservationArrays
-    refraction : Refraction
-    held : int, optional
-        The camera whose axes are the world's: the border was given relative to its true place.
+    optics. ``held`` is the camera whose axes are the world's: the border was given relative to its
+    true place.
     """
     points = world_points(scene, arrays)
     if held is not None:
@@ -124,7 +116,7 @@ def likely_route(
             part = (ahead @ normal) / ((point - center) @ normal)
         away = float(np.linalg.norm(part * (point - center) - ahead)) / (solid.diameter / 2)
         if 0 < part < 1 and away < nearest:
-            own = np.flatnonzero((refraction.solid == number) & (refraction.action != BLOCKS))
+            own = refraction.passing(number)
             route, nearest = own if ahead @ normal < 0 else own[::-1], away
     return route
 

@@ -8,7 +8,7 @@ import pytest
 from rigs import Distortion, RayTable, Rig, ray_miss
 from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.adjust.lens_choice import TERMS
-from rigs.calibrate.calibration import without_repeats
+from rigs.calibrate.observations import without_repeats
 
 
 @pytest.fixture(scope="module")
@@ -268,6 +268,9 @@ def test_names_and_models_that_do_not_fit(arc_case):
         calibrate(observations, intrinsics=Rig((table, *truth.rig.cameras[1:])))
     with pytest.raises(ValueError, match="rescale"):
         calibrate(observations, rescale=True)
+    for unknown in ("nothing", dict.fromkeys(["cam00", "cam01", "nothing"], (0, 0, 0))):
+        with pytest.raises(ValueError, match="world: found 'nothing', expected the name"):
+            calibrate(observations, world=unknown)
     tilted = observations.target_points + [0, 0, 1.0] * (np.arange(48) == 3)[:, None]
     with pytest.raises(ValueError, match="flat target"):
         calibrate(replace(observations, target_points=tilted))

@@ -94,7 +94,7 @@ def test_images_of_other_sizes_have_other_lenses(alike):
 
 
 def test_lenses_are_given_or_found(alike):
-    with pytest.raises(ValueError, match="found lenses that are kept as they are"):
+    with pytest.raises(ValueError, match="intrinsics: found square_pixels too"):
         calibrate(alike[1], intrinsics=alike[0].rig, square_pixels=True)
 
 

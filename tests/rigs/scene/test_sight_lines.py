@@ -5,9 +5,8 @@ import pytest
 from scipy.optimize import brentq
 
 from rigs import Camera
-from rigs.calibrate.refraction.refraction import Refraction
+from rigs.calibrate.refraction.refraction import Refraction, WindowPrior
 from rigs.calibrate.refraction.routes import routes_to
-from rigs.calibrate.refraction.window_prior import WindowPrior
 from rigs.scene import Cylinder, Glass, Mirror, Scene, SceneCamera, Sphere, Window
 
 CENTER = np.array([3.0, -2.0, 0.0])

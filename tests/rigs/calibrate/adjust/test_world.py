@@ -1,7 +1,5 @@
 """The world axes of a rig: changing them changes no image."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
@@ -88,19 +86,12 @@ def test_positions_in_another_unit_or_of_other_cameras_are_doubted(scene):
 @pytest.mark.parametrize(
     ("world", "message"),
     [
-        ("nothing", "world: found 'nothing', expected the name"),
         ("c", "world: frame c: found no pose"),
         ({"left": [0, 0, 0], "top": [1, 0, 0]}, "world: found 2 positions"),
         ({"left": [0, 0], "top": [1, 0, 0]}, "world: left: found .*3 numbers"),
         ({"left": [0, 0, 0], "top": [1, 0, 0], "low": [2, 0, 0]}, "not on a line"),
-        ({"left": [0, 0, 0], "nobody": [1, 0, 0]}, "world: found 'nobody'"),
     ],
 )
 def test_worlds_that_cannot_be(scene, world, message):
     with pytest.raises(ValueError, match=message):
         in_world(scene, CAMERAS, FRAMES, world, False)
-
-
-def test_rescaling_needs_positions(scene):
-    with pytest.raises(ValueError, match="rescale"):
-        in_world(replace(scene), CAMERAS, FRAMES, "left", True)

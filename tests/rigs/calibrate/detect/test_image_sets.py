@@ -9,7 +9,7 @@ import pytest
 import tifffile
 
 from rigs.calibrate.detect import VideoFrame, detections, image_set, observe
-from rigs.calibrate.detect._detection_cache import read
+from rigs.calibrate.detect._detection_run import read_cache
 from rigs.calibrate.detect.image_sets import notes_of, read_source
 from rigs.calibrate.targets import parse_target
 
@@ -117,7 +117,7 @@ def test_a_damaged_cache_is_reported(folder, tmp_path):
     for at in range(0, len(whole), 10):
         path.write_bytes(whole[:at] + bytes([whole[at] ^ 0x5A]) + whole[at + 1 :])
         try:
-            read(path)
+            read_cache(path)
         except ValueError as error:
             lines.append(str(error))
     assert len(lines) > 0.5 * len(whole) / 10

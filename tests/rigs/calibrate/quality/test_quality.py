@@ -20,10 +20,9 @@ from rigs.calibrate.adjust.observation_arrays import (
     predicted,
 )
 from rigs.calibrate.adjust.projection import Lens
-from rigs.calibrate.quality.accuracy import camera_accuracies
 from rigs.calibrate.quality.covariance import covariance_of
 from rigs.calibrate.quality.quality import with_scene
-from rigs.calibrate.quality.ray_miss import predicted_squares, views
+from rigs.calibrate.quality.ray_miss import camera_accuracies, predicted_squares, views
 
 VOLUME = Volume((10, 10, 10), 5.0, (0.0, 0.0, 800.0))
 FINE_VOLUME = Volume((150, 150, 150), 0.33, (0.0, 0.0, 800.0))  # voxels as large as pixels
