@@ -21,7 +21,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 import typer
 
 from tomo.cli.console import bad_input_in_one_line, flag
-from tomo.cli.usage import one_line_usage
+from tomo.cli.usage import OneLineUsage
 from tomo.pipeline.declared import Check, Declared, number, whole
 
 OTHERS = "More options"
@@ -153,14 +153,11 @@ def command_line(
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     parameters = inspect.signature(function, eval_str=True).parameters.values()
     groups = {one.name: one.annotation for one in parameters if _is_group(one.annotation)}
-    gone: dict[str, str] = {}
     if any(one.kind is not one.POSITIONAL_OR_KEYWORD for one in parameters):
         given = [_among(one, first) for one in _given_of(function)]
         given.sort(key=lambda one: first.index(one.name) if one.name in first else len(first))
-        for kind in groups.values():
-            gone |= getattr(kind, "gone", {})
         help, function = f"{_about(function)}\n\n{help}", _run(function, given, groups)
-    app.command(name=name, cls=one_line_usage(gone), help=help, epilog=epilog)(function)
+    app.command(name=name, cls=OneLineUsage, help=help, epilog=epilog)(function)
     return app
 
 

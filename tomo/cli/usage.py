@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
-from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import typer
 from typer.core import TyperCommand
 
-from tomo.cli.console import end, flag
+from tomo.cli.console import end
 
 _NO_BREAK = "\N{NON-BREAKING HYPHEN}"
 """Stands for a hyphen while lines are broken, so that no name is cut."""
@@ -23,9 +21,6 @@ else:
 
 class OneLineUsage(TyperCommand):
     """A command whose errors about its options and arguments are one line, with exit code 2."""
-
-    gone: Mapping[str, str] = MappingProxyType({})
-    """Names of earlier options, and what to use in their place."""
 
     def make_context(
         self, info_name: str | None, args: list[str], *rest: Any, **extra: Any
@@ -54,14 +49,9 @@ class OneLineUsage(TyperCommand):
         return f"{name}: {error.message.rstrip('.')}"
 
     def _unknown(self, option: str) -> str:
-        """Return what to use in place of an option that is gone or misspelt."""
+        """Return what to use in place of an option that is misspelt."""
         from rigs.files.text import nearest
 
-        name = option.removeprefix("--").replace("-", "_")
-        for one in (name, name.removeprefix("no_")):
-            if one in self.gone:
-                instead = re.sub(r"[a-z]+_[a-z_]+", lambda own: flag(own[0]), self.gone[one])
-                return f"{option}: found an option that is gone: {instead}"
         known = [name for one in self.params for name in (*one.opts, *one.secondary_opts)]
         near = nearest(option, known)
         return f"{option}: no such option" + (f", did you mean {near}?" if near else "")
@@ -88,8 +78,3 @@ class OneLineUsage(TyperCommand):
             with formatter.section(title):
                 formatter.write_dl([(n, text.replace("-", _NO_BREAK)) for n, text in records])
         formatter.buffer[:] = [part.replace(_NO_BREAK, "-") for part in formatter.buffer]
-
-
-def one_line_usage(gone: Mapping[str, str]) -> type[OneLineUsage]:
-    """Return the class of commands that know which options are gone."""
-    return type("Command", (OneLineUsage,), {"gone": gone})

@@ -5,6 +5,7 @@ Refusals come before any image is read.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, cast
 
 from rigs.aperture import check_apertures
@@ -123,12 +124,7 @@ def _named_cameras(names: tuple[str, ...], scan: Scan) -> tuple[str, ...]:
                 f"{scan.where}refine_cameras: found no nominal camera in the rig, expected some"
             )
         return nominal
-    for name in names:
-        if name not in scan.rig.names:
-            raise ValueError(
-                f"{scan.where}refine_cameras: found camera {name!r}, "
-                f"expected one of {', '.join(scan.rig.names)}"
-            )
+    _check_names("refine_cameras", names, scan)
     return names
 
 
@@ -184,14 +180,20 @@ def learning_of(options: Options) -> Learning | None:
     return Learning.load(options.wernet_settings, options.method)
 
 
+def _check_names(option: str, names: Sequence[str], scan: Scan) -> None:
+    """Refuse names that are no cameras of a scan."""
+    for name in names:
+        if name not in scan.rig.names:
+            known = ", ".join(scan.rig.names)
+            raise ValueError(
+                f"{scan.where}{option}: found camera {name!r}, expected one of {known}"
+            )
+
+
 def _check_hold_out(options: Options, scan: Scan) -> None:
     """Refuse to hold out cameras that are not there, or all of them."""
     names = scan.rig.names
-    for name in options.hold_out:
-        if name not in names:
-            raise ValueError(
-                f"{scan.where}hold_out: found camera {name!r}, expected one of {', '.join(names)}"
-            )
+    _check_names("hold_out", options.hold_out, scan)
     if set(options.hold_out) == set(names):
         raise ValueError(
             f"{scan.where}hold_out: found all {len(names)} cameras, expected at least one "

@@ -10,8 +10,7 @@ import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, Field, dataclass
 from numbers import Integral, Real
-from types import MappingProxyType
-from typing import Any, ClassVar, Self, TypeVar
+from typing import Any, Self, TypeVar
 
 from rigs.files.text import expected_one_of
 from tomo.operators.gpu.names import DEVICES, device_number
@@ -204,35 +203,15 @@ def option(
 
 @dataclass(frozen=True)
 class Declared:
-    """The base of a frozen dataclass whose fields are declared by `option`.
-
-    Attributes
-    ----------
-    gone : mapping
-        Names of earlier options, and what to use in their place.
-    """
-
-    gone: ClassVar[Mapping[str, str]] = MappingProxyType({})
-
-    def __init_subclass__(cls, gone: Mapping[str, str] | None = None) -> None:
-        """Keep the names that are gone."""
-        if gone is not None:
-            cls.gone = MappingProxyType(dict(gone))
+    """The base of a frozen dataclass whose fields are declared by `option`."""
 
     def __new__(cls, *values: Any, **named: Any) -> Self:
-        """Refuse names that are unknown or gone."""
-        for name in named:
-            cls.check_name(name)
-        return super().__new__(cls)
-
-    @classmethod
-    def check_name(cls, name: str) -> None:
-        """Raise unless there is an option of that name."""
-        if name in cls.gone:
-            raise ValueError(f"{name}: found an option that is gone: {cls.gone[name]}")
+        """Refuse names that are unknown."""
         known = [option.name for option in dataclasses.fields(cls)]
-        if name not in known:
-            raise ValueError(f"options: found {name!r}, {expected_one_of(name, known)}")
+        for name in named:
+            if name not in known:
+                raise ValueError(f"options: found {name!r}, {expected_one_of(name, known)}")
+        return super().__new__(cls)
 
     def __post_init__(self) -> None:
         """Check every value, and keep it in the type of its declaration."""

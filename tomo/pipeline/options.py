@@ -37,29 +37,10 @@ TRUST = "How far to trust it"
 SOLVING = "Unknowns and solving"
 """Topics of the help."""
 
-_IN_SETTINGS = "it is a field of the file that wernet_settings names"
-GONE = {
-    "align": "refine_cameras none moves no camera",
-    "checkpoint": _IN_SETTINGS,
-    "choose_each": "one smoothness serves a film; frame reconstructs one frame by its own",
-    "encoder": _IN_SETTINGS,
-    "freeze_encoder": _IN_SETTINGS,
-    "fresnel": "the rig's scene says it, in rig.yaml",
-    "learn": "effects of cameras and gas are found beside the volume: fit_gain, fit_absorption, "
-    "refine_cameras and screen switch them off; method wernet learns weights",
-    "pixel_weights": "method auto weighs pixels by their noise, curvature weighs all alike",
-    "refine_frames": "cameras are refined from the key_frames",
-    "refine_prior": "the rig's calibration and the cameras' status say how far they may be off",
-    "resume": _IN_SETTINGS,
-    "save_encoder": _IN_SETTINGS,
-    "unseen": "voxels that no ray crosses are zero; in Python, unseen of the outcome marks them",
-}
-"""Options of earlier versions, and what to use in their place."""
-
 
 @documented
 @dataclass(frozen=True)
-class Options(Declared, gone=GONE):
+class Options(Declared):
     """Everything that a user can ask of a reconstruction.
 
     A value is checked where it is declared, and a ValueError names the option, what was found and

@@ -20,34 +20,23 @@ from rigs.recordings.mosaic import COLOURS, PATTERNS, is_channel
 SCAN_FORMAT = "emission-scan"
 
 
-def _named(name: str) -> str:
-    if not name:
-        raise ValueError("found '', expected a name")
-    return name
+def _only(accepts: Callable[[Any], bool], expected: str) -> AfterValidator:
+    """Return the check that refuses a value that is not accepted."""
+
+    def check(value: Any) -> Any:
+        if not accepts(value):
+            shown = "none" if value == [] else f"{value:g}" if value != "" else "''"
+            raise ValueError(f"found {shown}, expected {expected}")
+        return value
+
+    return AfterValidator(check)
 
 
-def _some(frames: list) -> list:
-    if not frames:
-        raise ValueError("found none, expected at least one")
-    return frames
-
-
-def _from_zero(number: int) -> int:
-    if number < 0:
-        raise ValueError(f"found {number}, expected 0 or more")
-    return number
-
-
-def _from_one(number: int) -> int:
-    if number < 1:
-        raise ValueError(f"found {number}, expected 1 or more")
-    return number
-
-
-def _above_zero(number: float) -> float:
-    if not number > 0:
-        raise ValueError(f"found {number:g}, expected a number above 0")
-    return number
+_named = _only(bool, "a name")
+_some = _only(bool, "at least one")
+_from_zero = _only(lambda number: number >= 0, "0 or more")
+_from_one = _only(lambda number: number >= 1, "1 or more")
+_above_zero = _only(lambda number: number > 0, "a number above 0")
 
 
 class _Strict(BaseModel):
@@ -55,24 +44,24 @@ class _Strict(BaseModel):
 
 
 class _Frame(_Strict):
-    name: Annotated[Text, AfterValidator(_named)]
+    name: Annotated[Text, _named]
     images: dict[str, Text]
 
 
 class _Raw(_Strict):
-    width: Annotated[Whole, AfterValidator(_from_one)]
-    height: Annotated[Whole, AfterValidator(_from_one)]
+    width: Annotated[Whole, _from_one]
+    height: Annotated[Whole, _from_one]
     dtype: Literal[PIXEL_TYPES]  # type: ignore[valid-type]  # a tuple of words, elsewhere
     byte_order: Literal["little", "big"] = "little"
-    header_bytes: Annotated[Whole, AfterValidator(_from_zero)] = 0
-    gap_bytes: Annotated[Whole, AfterValidator(_from_zero)] = 0
+    header_bytes: Annotated[Whole, _from_zero] = 0
+    gap_bytes: Annotated[Whole, _from_zero] = 0
 
 
 class _Film(_Strict):
     path: Text
     raw: _Raw | None = None
-    first: Annotated[Whole, AfterValidator(_from_zero)] = 0
-    step: Annotated[Whole, AfterValidator(_from_one)] = 1
+    first: Annotated[Whole, _from_zero] = 0
+    step: Annotated[Whole, _from_one] = 1
     offset: Whole = 0
 
 
@@ -184,7 +173,7 @@ class _Radiometry(_Conditions):
     unit: Text
     calibration: _Calibration
     volume_unit: Text | None = None
-    wavelength: Annotated[Number, AfterValidator(_above_zero)] | None = None
+    wavelength: Annotated[Number, _above_zero] | None = None
 
 
 class _Effects(_Strict):
@@ -197,7 +186,7 @@ class _Effects(_Strict):
     aperture: Number | Literal["optics"] = 0.0
     focus_distance: Number | None = None
     aperture_rays: Whole = 32
-    gains: dict[str, Annotated[Number, AfterValidator(_above_zero)]] = {}
+    gains: dict[str, Annotated[Number, _above_zero]] = {}
 
 
 class ScanFile(_Strict):
@@ -205,13 +194,13 @@ class ScanFile(_Strict):
     version: Literal[1]
     rig: Text
     grid: VolumeEntry | None = None
-    frames: Annotated[list[_Frame], AfterValidator(_some)] | None = None
+    frames: Annotated[list[_Frame], _some] | None = None
     films: dict[str, Annotated[_Film, BeforeValidator(_film)]] | None = None
-    images: Annotated[Text, AfterValidator(_named)] | None = None
-    frame_rate: Annotated[Number, AfterValidator(_above_zero)] | None = None
+    images: Annotated[Text, _named] | None = None
+    frame_rate: Annotated[Number, _above_zero] | None = None
     corrections: _Corrections = _Corrections()
     radiometry: _Radiometry | None = None
-    peak: Annotated[Number, AfterValidator(_above_zero)] | None = None
+    peak: Annotated[Number, _above_zero] | None = None
     truth: Text | None = None
     effects: _Effects | None = None
 

@@ -91,8 +91,7 @@ class Scan(ScanImages):
         if self.recorded_sizes is None:
             sizes = {camera.name: tuple(camera.image_size) for camera in self.rig}
             object.__setattr__(self, "recorded_sizes", sizes)
-            object.__setattr__(self, "corrections", self._corrections_by_camera())
-            object.__setattr__(self, "rig", self._rig_of_colours())
+            self._settle_by_camera()
         if not len(self.rig):
             raise ValueError(f"{self.where}cameras: found none, expected at least one")
         if not self.frames:
@@ -350,20 +349,13 @@ class Scan(ScanImages):
             return PYTHON
         return FILE if self.source.suffix.lower() in (".yaml", ".yml") else OPTIONS
 
-    def _corrections_by_camera(self) -> Corrections:
-        """Return the corrections with the images that folders stand for."""
+    def _settle_by_camera(self) -> None:
+        """Take the images that folders of corrections stand for, and the cameras of one colour."""
         try:
-            return self.corrections.by_camera(self.rig.names)
+            corrections = self.corrections.by_camera(self.rig.names)
+            pairs = [(camera, corrections.mosaic(camera.name)) for camera in self.rig]
+            cameras = tuple(one if mosaic is None else mosaic.camera(one) for one, mosaic in pairs)
         except ValueError as error:
             raise ValueError(f"{self.where}{error}") from None
-
-    def _rig_of_colours(self) -> Rig:
-        """Return the rig, its cameras those of one colour where they record mosaics."""
-        try:
-            pairs = [(camera, self.corrections.mosaic(camera.name)) for camera in self.rig]
-            cameras = tuple(
-                camera if mosaic is None else mosaic.camera(camera) for camera, mosaic in pairs
-            )
-        except ValueError as error:
-            raise ValueError(f"{self.where}{error}") from None
-        return replace(self.rig, cameras=cameras)
+        object.__setattr__(self, "corrections", corrections)
+        object.__setattr__(self, "rig", replace(self.rig, cameras=cameras))

@@ -169,7 +169,6 @@ def test_the_function_gets_values_and_groups():
         (("a", "-o", "b", "--strength-of-new", "-1"), "--strength-of-new: found '-1', expected a"),
         (("a", "-o", "b", "--metod", "tv"), "--metod: no such option, did you mean --method?"),
         (("a", "-o", "b", "--qqq"), "--qqq: no such option; see"),
-        (("a", "-o", "b", "--no-align"), "--no-align: found an option that is gone: --refine-cam"),
         (("a", "-o", "b", "--method", "tvv"), "--method: found 'tvv', did you mean tv?"),
     ],
 )

@@ -94,12 +94,10 @@ def test_a_wrong_value_names_its_option(settings, words):
     [
         ("weigh", "options: found 'weigh', expected one of method, frame"),
         ("holdout", r"options: found 'holdout', did you mean hold_out\?"),
-        ("align", "align: found an option that is gone: refine_cameras none"),
-        ("encoder", "encoder: found an option that is gone: it is a field of the file"),
     ],
 )
 @pytest.mark.parametrize("made", [lambda given: Options(**given), Options.from_mapping])
-def test_a_name_that_is_unknown_or_gone_is_refused(made, name, words):
+def test_a_name_that_is_unknown_is_refused(made, name, words):
     with pytest.raises(ValueError, match=words):
         made({name: True})
 
