@@ -9,12 +9,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import numpy as np
 import zarr
 
 from rigs.files import atomic_path
 from tomo.export.export import Frames
-from tomo.export.spectrum import UNEVEN
+from tomo.export.spectrum import check_even
 
 VERSION = "0.5"
 
@@ -30,7 +29,9 @@ def write_ome_zarr(frames: Frames, target: Path) -> None:
     if target.exists():
         raise FileExistsError(f"{target}: is there already, expected the name of a new store")
     store, grid = frames.store, frames.store.grid
-    about, step = store.attributes, _step(frames)
+    about, step = store.attributes, 1.0
+    if len(frames) > 1:
+        step = float(check_even(frames, "OME-Zarr").mean())
     length = _LENGTHS.get(about["length_unit"])
     time = {"unit": "second"} if about["time_unit"] == "s" else {}
     axes = [{"name": "t", "type": "time", **time}]
@@ -70,17 +71,3 @@ def write_ome_zarr(frames: Frames, target: Path) -> None:
         )
         for number, volume in enumerate(frames.volumes()):
             array[number] = volume.T
-
-
-def _step(frames: Frames) -> float:
-    """Return the time from one frame to the next, which has to be the same all the time."""
-    if len(frames) < 2:
-        return 1.0
-    steps = np.diff(frames.times)
-    step = float(steps.mean())
-    if (np.abs(steps - step) > UNEVEN * step).any():
-        raise ValueError(
-            f"{frames.store.path}: time: found steps from {steps.min():.4g} to {steps.max():.4g}, "
-            "expected even times for OME-Zarr: choose frames without gaps"
-        )
-    return step

@@ -134,20 +134,25 @@ def welch(frames: Frames, part: slice, rate: float, length: int) -> NDArray[np.f
 
 def rate_of(frames: Frames) -> float:
     """Return the frames in a unit of time, which has to be the same all the time."""
-    steps = np.diff(frames.times)
     if len(frames) < 4:
         raise ValueError(
             f"{frames.store.path}: frames: found {len(frames)}, expected 4 or more for a spectrum"
         )
+    return 1 / float(np.median(check_even(frames, "a spectrum")))
+
+
+def check_even(frames: Frames, format: str) -> NDArray[np.float64]:
+    """Return the times from one frame to the next, which have to be the same all the time."""
+    steps = np.diff(frames.times)
     step = float(np.median(steps))
     off = np.flatnonzero(np.abs(steps - step) > UNEVEN * step)
     if len(off):
         raise ValueError(
             f"{frames.store.path}: time: found frames {frames.numbers[off[0]]} and "
             f"{frames.numbers[off[0] + 1]} {steps[off[0]]:.4g} apart, others {step:.4g}, expected "
-            "even times for a spectrum: choose frames without gaps"
+            f"even times for {format}: choose frames without gaps"
         )
-    return 1 / step
+    return steps
 
 
 def segment_of(count: int) -> int:

@@ -13,7 +13,11 @@ _ASKEW = 1e-6  # of a step, off its world axis; more is 0.001 voxels over 1000, 
 
 
 def in_order(
-    data: NDArray, origin: NDArray[np.float64], steps: NDArray[np.float64], field: str
+    data: NDArray,
+    origin: NDArray[np.float64],
+    steps: NDArray[np.float64],
+    field: str,
+    spacing: NDArray[np.float64] | None = None,
 ) -> tuple[NDArray, NDArray[np.float64], NDArray[np.float64]]:
     """Return values ``(nx, ny, nz)`` with axes along x, y and z, first voxel and spacing.
 
@@ -30,6 +34,8 @@ def in_order(
         The file's name of them, for the error.
     """
     steps = np.asarray(steps, np.float64)
+    if spacing is not None and not (spacing > 0).all():
+        return data, origin, spacing  # the grid says what is wrong with it
     found = f"{field}: found {steps.tolist()}, expected axes along x, y and z"
     if steps.shape != (3, 3) or not np.isfinite(steps).all():
         raise ValueError(found)
@@ -45,6 +51,18 @@ def in_order(
             origin[world[axis]] += (data.shape[axis] - 1) * step
     order = np.argsort(world)
     return data.transpose(order), origin, np.abs(along[order])
+
+
+def numbers_in(text: str, field: str, count: int, dtype: type = np.float64) -> NDArray:
+    """Return the numbers that a field of a header holds."""
+    try:
+        numbers: NDArray = np.array(text.split(), dtype)
+    except (ValueError, OverflowError):
+        numbers = np.zeros(0)
+    if numbers.shape != (count,):
+        kind = "whole numbers" if dtype is np.int64 else "numbers"
+        raise ValueError(f"{field}: found {text[:60]!r}, expected {count} {kind}")
+    return numbers
 
 
 def content_beside(header: Path, name: object, field: str) -> bytes:

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import decompressed
-from tomo.io._axes import content_beside, in_order
+from tomo.io._axes import content_beside, in_order, numbers_in
 
 _HEADER = 1 << 16  # bytes of a header, at most; it has some thirty short lines
 _TYPES = {
@@ -60,10 +60,8 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
     spacing = _numbers(fields, ("ElementSpacing", "ElementSize"), 3, np.ones(3))
     origin = _numbers(fields, ("Offset", "Position", "Origin"), 3, np.zeros(3))
     axes = _numbers(fields, ("TransformMatrix", "Rotation", "Orientation"), 9, np.eye(3).ravel())
-    if not (spacing > 0).all():
-        return data, origin, spacing, "mm", ""  # the grid says what is wrong with it
     steps = axes.reshape(3, 3) * spacing[:, None]
-    return *in_order(data, origin, steps, "TransformMatrix"), "mm", ""
+    return *in_order(data, origin, steps, "TransformMatrix", spacing), "mm", ""
 
 
 def _fields(content: bytes) -> tuple[dict[str, str], int]:
@@ -97,10 +95,4 @@ def _numbers(
         if default is None:
             raise ValueError(f"{keys[0]}: missing in the header")
         return default
-    try:
-        numbers = np.array(fields[key].split(), np.float64)
-    except ValueError:
-        numbers = np.zeros(0)
-    if numbers.shape != (count,):
-        raise ValueError(f"{key}: found {fields[key][:60]!r}, expected {count} numbers")
-    return numbers
+    return numbers_in(fields[key], key, count)

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, decompressed
 from tomo.grid import VoxelGrid
-from tomo.io._axes import in_order
+from tomo.io._axes import in_order, numbers_in
 
 _NUMBERS = {
     "Int8": "i1", "UInt8": "u1", "Int16": "i2", "UInt16": "u2", "Int32": "i4", "UInt32": "u4",
@@ -109,9 +109,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
         raise ValueError(f"found {values.size} values, expected {' x '.join(map(str, shape))}")
     units = _field_text(image, "length_unit") or "mm", _field_text(image, "value_unit")
     values = values.reshape(shape, order="F")
-    if not (spacing > 0).all():
-        return values, origin, spacing, *units  # the grid says what is wrong with it
-    return *in_order(values, origin, steps, "Direction"), *units
+    return *in_order(values, origin, steps, "Direction", spacing), *units
 
 
 def _field_text(image: ElementTree.Element, name: str) -> str:
@@ -125,15 +123,7 @@ def _numbers(
     element: ElementTree.Element, name: str, count: int, default: str, dtype: type = np.float64
 ) -> NDArray:
     """Return the numbers of an attribute."""
-    text = element.get(name, default)
-    try:
-        numbers: NDArray = np.array(text.split(), dtype)
-    except (ValueError, OverflowError):
-        numbers = np.zeros(0)
-    if numbers.shape != (count,):
-        kind = "whole numbers" if dtype is np.int64 else "numbers"
-        raise ValueError(f"{name}: found {text[:60]!r}, expected {count} {kind}")
-    return numbers
+    return numbers_in(element.get(name, default), name, count, dtype)
 
 
 def _known(

@@ -69,13 +69,6 @@ def methods_of(options: Options) -> list[Method]:
     return [method_named(options.method), *others]
 
 
-def may_learn(options: Options) -> bool:
-    """Return whether weights may be learned in place of segment lengths."""
-    method = method_named(options.method)
-    in_focus = not options.blur and options.aperture_rays == 1
-    return method.needs_midpoints and in_focus
-
-
 def repeats_of(options: Options) -> int:
     """Return how often the solve is repeated with new noise; ``auto``: a few for ``auto`` alone.
 

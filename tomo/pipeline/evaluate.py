@@ -20,8 +20,8 @@ from tomo.operators import LINEAR, STORED, LinearSystem
 from tomo.operators.system import VolumeNotSeenError
 from tomo.operators.view_gains import Gains
 from tomo.pipeline.build import WeightedSystem
-from tomo.pipeline.check_options import may_learn
 from tomo.pipeline.load import LoadedScan
+from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import Options
 from tomo.pipeline.screen import ScreenedScan
 from tomo.pipeline.solve import Compared, Solved, Watch, with_learned_weights
@@ -105,13 +105,15 @@ def trace_apart(
     """Trace the cameras that took no part; before the solve, so that nothing is solved in vain."""
     if screened.apart is None:
         return None
+    learns = method_named(options.method).needs_midpoints and system.form == STORED
+    in_focus = not options.blur and options.aperture_rays == 1
     try:
         return LinearSystem.from_rig(
             screened.apart.rig,
             system.projector.grid,
             masks=screened.apart_masks,
             active=system.projector.active,
-            midpoints=may_learn(options) and system.form == STORED,  # else nothing is learned
+            midpoints=learns and in_focus,  # else nothing is learned
             tracer=options.tracer,
             **options.rays,
             form=options.projector,
@@ -150,7 +152,15 @@ def evaluate(
             )
             views += _views_apart(apart, solved, screened, options)
             if found.weights is not None:
-                learned = _summary(built.system, system, found)
+                from tomo.pipeline.learned_weights import LearnedWeights  # loads PyTorch
+
+                learned = LearnedWeights.of(
+                    found.weights,
+                    built.system.projector,
+                    system.projector,
+                    found.volume,
+                    found.settings["held_out_residual"],
+                )
             for number, other in enumerate(compared.solutions if options.hold_out else ()):
                 seen = _views_apart(apart, replace(solved, solution=other), screened, options)
                 alike[number] = {
@@ -256,16 +266,3 @@ def _views_apart(
         )
         for view in found
     ]
-
-
-def _summary(system: LinearSystem, learned: LinearSystem, found: Solution) -> LearnedWeights:
-    """Return the learned weights over the segment lengths."""
-    from tomo.pipeline.learned_weights import LearnedWeights
-
-    return LearnedWeights.of(
-        found.weights,
-        system.projector,
-        learned.projector,
-        found.volume,
-        found.settings["held_out_residual"],
-    )

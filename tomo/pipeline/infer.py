@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rigs.progress import Progress
 from tomo.grid import VoxelGrid
-from tomo.inference.finding import Finding, together
+from tomo.inference.finding import together
 from tomo.inference.infer import FEWEST_VIEWS, Inference, infer, light_error
 from tomo.inference.limits import detection_limits
 from tomo.inference.solve import first_fits
@@ -115,7 +115,9 @@ def infer_effects(
             screened = without_unusable(screened, whole)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
             screened = _inferred(screened, loaded, grid, options, cameras, progress)
-        findings = _with_pixels(screened, whole)
+        pixels, said = screened.pixels, screened.findings
+        said = (*said, *findings_of_pixels(pixels, screened.images, said))
+        findings = with_lines(said, pixels, screened.gains, screened.scan.rig.names, whole)
         stage.warnings += [one.sentence for one in together(findings)]
         refinement = screened.refinement
         if refinement is not None and refinement.asked:
@@ -126,13 +128,6 @@ def infer_effects(
         (*screened.record.warnings, *stage.record.warnings),
     )
     return replace(screened, record=record)
-
-
-def _with_pixels(screened: ScreenedScan, whole: Scan) -> tuple[Finding, ...]:
-    """Return the findings, with those of single images and the lines that correct images."""
-    names, pixels = screened.scan.rig.names, screened.pixels
-    single = findings_of_pixels(pixels, screened.images, screened.findings)
-    return with_lines((*screened.findings, *single), pixels, screened.gains, names, whole)
 
 
 def _inferred(
@@ -188,7 +183,7 @@ def _inferred(
         gains=_gains(found, corrections, whole, copy.power),
         refinement=_refinement(found, corrections, whole, seen, priors),
         emission=_emission(found, copy, grid) if corrections.absorption.emission else None,
-        limits=_limits(found, copy) if options.uncertainty else None,
+        limits=Limits.of(detection_limits(found), copy.frames[0]) if options.uncertainty else None,
         light_error=light_error(found) if options.uncertainty else 0.0,
     )
 
@@ -230,11 +225,6 @@ def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corr
         seen.absorption,
         untrusted,
     )
-
-
-def _limits(found: Inference, copy: CoarseCopy) -> Limits:
-    """Return the smallest faults that the images would tell."""
-    return Limits.of(detection_limits(found), copy.frames[0])
 
 
 def _refinement(

@@ -8,7 +8,7 @@ from dataclasses import replace
 from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
-from tomo.operators.gpu import device_count, device_for, on_cpu, taken_to
+from tomo.operators.gpu import device_for, taken_to
 from tomo.operators.gpu.device import Device
 from tomo.operators.gpu.names import AUTO, CPU, CUDA, ON_CPU, device_number
 from tomo.operators.memory import estimate_memory
@@ -65,24 +65,6 @@ def device_of_inference(
     if options.device == AUTO and options.frames is None:
         work = float(estimate_memory(tuple(rig), grid).segments) * _iterations(options)
     return device_for(options.device, work)[0]
-
-
-def system_on_cpu(system: LinearSystem) -> LinearSystem:
-    """Return the equations with their operator on the CPU, as other processes can be sent them."""
-    return replace(system, projector=on_cpu(system.projector))
-
-
-def device_of_rank(device: str, rank: int) -> str:
-    """Return the device of one of several processes that share those of a machine.
-
-    Parameters
-    ----------
-    device : str
-        ``cuda`` stands for any; others stay.
-    rank : int
-        The number of the process.
-    """
-    return f"{CUDA}:{rank % device_count(device)}" if device == CUDA else device
 
 
 def training_device(device: str) -> str:

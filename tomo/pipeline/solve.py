@@ -122,7 +122,8 @@ def solve_by(
     """
     started = time.perf_counter()
     limit = math.inf if options.time_limit is None else options.time_limit
-    projector = _projector_for(method, built.system.projector)
+    projector = built.system.projector
+    projector = projector if method.through_lenses else projector.without_blur
     distances: dict[int, float] = {}
 
     def note(index: int, unknowns: NDArray[np.float32], _residual: float) -> bool:
@@ -223,11 +224,6 @@ def voxel_means_of(
     seen = np.where(crossed, host(unknowns), np.float32(0))
     means = projector.voxel_means(active.expand(seen).reshape(shape))
     return np.where(active.expand(~crossed).reshape(shape), np.float32(0), means)
-
-
-def _projector_for(method: Method, projector: ProjectionOperator) -> ProjectionOperator:
-    """Return the projector, in the voxel basis for a method that goes ray by ray."""
-    return projector if method.through_lenses else projector.without_blur
 
 
 def _arguments(

@@ -12,7 +12,6 @@ from tomo.operators import STORED, Absorption, LinearSystem
 from tomo.operators.system import Progress, VolumeNotSeenError
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.first_use import warm_up
-from tomo.pipeline.methods import Method
 from tomo.pipeline.options import Options
 from tomo.pipeline.register import Registered
 from tomo.pipeline.screen import ScreenedScan
@@ -48,7 +47,24 @@ def trace_views(
 ) -> TracedScan:
     """Trace the pixels that take part, through a lens where it is out of focus."""
     with timed() as stage:
-        system = _traced(screened, registered, grid, options, methods_of(options), progress)
+        methods = methods_of(options)
+        try:
+            system = LinearSystem.from_rig(
+                registered.rig,
+                grid,
+                masks=registered.masks,
+                active=registered.active,
+                skip=options.skip,
+                midpoints=any(one.needs_midpoints for one in methods),
+                needs_matrix=any(one.needs_matrix for one in methods),
+                tracer=options.tracer,
+                **options.rays,
+                form=options.projector,
+                progress=progress,
+            )
+        except VolumeNotSeenError as error:
+            held_out = f"; held out: {', '.join(options.hold_out)}" if options.hold_out else ""
+            raise VolumeNotSeenError(f"{screened.scan.where}{error}{held_out}") from None
         if options.blur:
             system = system.with_lens_blur(options.blur)
         first_use = 0.0
@@ -83,31 +99,3 @@ def blind_warnings(system: LinearSystem) -> list[str]:
         "the grid (check-rig), or hold it out"
         for name in system.blind
     ]
-
-
-def _traced(
-    screened: ScreenedScan,
-    registered: Registered,
-    grid: VoxelGrid,
-    options: Options,
-    methods: list[Method],
-    progress: Progress | None,
-) -> LinearSystem:
-    """Return the equations of the views that take part, in the voxel basis and in focus."""
-    try:
-        return LinearSystem.from_rig(
-            registered.rig,
-            grid,
-            masks=registered.masks,
-            active=registered.active,
-            skip=options.skip,
-            midpoints=any(one.needs_midpoints for one in methods),
-            needs_matrix=any(one.needs_matrix for one in methods),
-            tracer=options.tracer,
-            **options.rays,
-            form=options.projector,
-            progress=progress,
-        )
-    except VolumeNotSeenError as error:
-        held_out = f"; held out: {', '.join(options.hold_out)}" if options.hold_out else ""
-        raise VolumeNotSeenError(f"{screened.scan.where}{error}{held_out}") from None

@@ -186,7 +186,12 @@ def mend_descriptions(path: Path, times: Sequence[float], frames: Sequence[int])
     with TemporaryDirectory() as folder:
         write_empty(Path(folder) / path.name, grid, times, frames, about)
         fresh = {one.parent.name: one.read_bytes() for one in Path(folder).glob("*/*/zarr.json")}
-    other = [name for name in sorted(fresh) if _stored(path / name / "zarr.json") != fresh[name]]
+    files = {name: path / name / "zarr.json" for name in sorted(fresh)}
+    other = [
+        name
+        for name, file in files.items()
+        if not file.is_file() or file.read_bytes() != fresh[name]
+    ]
     if len(other) == len(fresh) or len(names) != len(frames):
         raise damage
     for name in other:
@@ -217,11 +222,6 @@ def _check_attributes(
         raise ValueError(f"scan.frames: found {len(frames)} names, expected {count}")
     for camera in (about.get("rig") or {}).get("cameras") or ():
         dict(camera)["name"]  # or an error is raised
-
-
-def _stored(file: Path) -> bytes:
-    """Return a file's bytes; none where there is no such file."""
-    return file.read_bytes() if file.is_file() else b""
 
 
 def _checksum(about: Mapping[str, Any], names: Sequence[str]) -> int:

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
-from tomo.operators.gpu.names import CPU
+from tomo.operators.gpu import device_count, on_cpu
+from tomo.operators.gpu.names import CPU, CUDA
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.evaluate import pixels_in_sight
 from tomo.pipeline.options import Options
-from tomo.pipeline.place import at_device, device_of_rank, system_on_cpu
+from tomo.pipeline.place import at_device
 from tomo.pipeline.register import Registered
 from tomo.pipeline.report_json import plain
 from tomo.pipeline.screen import ScreenedScan
@@ -114,14 +115,17 @@ class Plan:
     @property
     def on_cpu(self) -> Plan:
         """The same plan with its equations on the CPU, as other processes can be sent it."""
-        return replace(self, system=self.system.changed(system_on_cpu))
+        system = self.system.changed(lambda one: replace(one, projector=on_cpu(one.projector)))
+        return replace(self, system=system)
 
     def at_device_of(self, rank: int) -> Plan:
         """Return the plan of a process of so many that share the devices of a machine.
 
         Processes take the devices in turn, unless one device is asked for by its number.
         """
-        options = replace(self.options, device=device_of_rank(self.options.device, rank))
+        device = self.options.device
+        device = f"{CUDA}:{rank % device_count(device)}" if device == CUDA else device
+        options = replace(self.options, device=device)
         methods = methods_of(options)
         system = self.system.changed(lambda one: at_device(one, options, methods)[0])
         return replace(self, options=options, system=system)

@@ -10,13 +10,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from rigs.progress import staged
 from tomo.grid import VoxelGrid
 from tomo.operators.gpu.names import settled
 from tomo.operators.system import Progress
-from tomo.pipeline.build import BLOCK, WeightedSystem
+from tomo.pipeline.build import BLOCK
 from tomo.pipeline.check_options import cameras_to_refine, check_cameras, check_options, methods_of
 from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
@@ -100,7 +99,8 @@ def make_plan(
     cameras = cameras_to_refine(options, scan)
     ready = prepare(scan, grid, options, loaded, cameras, stage)
     screened, registered, built = ready.screened, ready.registered, ready.built
-    emission, apart = _emission(built, options), ready.apart
+    absorbs = built.absorption.emission
+    emission, apart = solve(built, options).solution.volume if absorbs else None, ready.apart
     options = replace(options, device=settled(options.device, built.place))
     if apart is not None:
         apart = system_apart(apart, built, emission, options)
@@ -149,11 +149,6 @@ def middle(choices: Sequence[Choice]) -> Choice:
     telling = [one for one in choices if np.isfinite(one.held_out_residual)] or list(choices)
     order = sorted(telling, key=lambda one: (one.strength, one.width, one.iterations))
     return order[len(order) // 2]
-
-
-def _emission(built: WeightedSystem, options: Options) -> NDArray[np.float32] | None:
-    """Return the emission of the mean where gas absorbs its own light."""
-    return solve(built, options).solution.volume if built.absorption.emission else None
 
 
 LEAST_VIEWS = 2

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from tomo.grid import ActiveVoxels
 from tomo.pipeline.build import WeightedSystem, in_basis, weigh_images
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.evaluate import system_apart, trace_apart
@@ -31,7 +30,9 @@ def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
     usable = usable_in_all([frame.masks for frame in frames])
     pixels = tuple(usable_in_all([seen, usable]))
     known = plan.system
-    if _same(active, known.active) and all(map(np.array_equal, pixels, known.pixels)):
+    if np.array_equal(active.mask, known.active.mask) and all(
+        map(np.array_equal, pixels, known.pixels)
+    ):
         return known
     key = frames[len(frames) // 2]
     screened = replace(
@@ -69,9 +70,3 @@ def weighted(plan: Plan, system: BlockSystem, frame: FrameImages) -> WeightedSys
         )
         weights = None if found.images is None else of_block.flatten(found.images)
     return replace(system.built, measured=of_block.flatten(frame.images), weights=weights)
-
-
-def _same(one: ActiveVoxels, other: ActiveVoxels) -> bool:
-    if one.all or other.all:
-        return one.all and other.all
-    return np.array_equal(one.index, other.index)

@@ -177,11 +177,6 @@ def _scan(folder: Path, rig: Rig, images: CameraImages, corrections: Mapping[str
     return scan.with_corrections(**paths) if paths else scan
 
 
-def _looked_at(images: CameraImages) -> list[str]:
-    """Return the names of the frames that are looked at."""
-    return list(dict.fromkeys(frame.name for frame in images.moments))
-
-
 def _bit_depth(images: CameraImages, said: dict[str, list[str]]) -> dict[str, Any]:
     """Return the bits that the numbers of 16-bit images show, where all cameras agree."""
     largest = 0
@@ -219,7 +214,7 @@ def _grid(scan: Scan, images: CameraImages, request: Request) -> tuple[VoxelGrid
         lower, upper = request.box
         box = Box(np.array(lower, np.float64), np.array(upper, np.float64), "named")
     else:
-        box = box_of_light(scan, _looked_at(images))
+        box = box_of_light(scan, list(dict.fromkeys(one.name for one in images.moments)))
     grid, scale, check = grid_in(scan.rig, box, request.voxel)
     said = [f"box {box.reason}"]
     unit = scan.rig.length_unit
