@@ -58,7 +58,6 @@ def write_netcdf(frames: Frames, target: Path) -> None:
             data[step] = volume
 
 
-VERSION = (2, 2)
 ARRAY = "emission"
 
 
@@ -72,7 +71,7 @@ def write_vtkhdf(frames: Frames, target: Path) -> None:
         root = file.create_group("VTKHDF")
         root.attrs.create("Type", np.bytes_("ImageData"))  # of fixed length, as the layout asks
         for name, values, dtype in (
-            ("Version", VERSION, "i8"),
+            ("Version", (2, 2), "i8"),
             ("WholeExtent", (0, nx - 1, 0, ny - 1, 0, nz - 1), "i8"),
             ("Origin", grid.origin, "f8"),
             ("Spacing", grid.spacing, "f8"),

@@ -147,15 +147,13 @@ class Corrections:
         Parameters
         ----------
         image : Path, FilmFrame or (height, width) array
-            The image as recorded.
         camera : str
         size : (width, height)
             Size of the camera's images and of those of its corrections.
         source : Path, optional
             The file that the corrections stand in; errors about them name it.
         per_count : float, optional
-            What one count is worth, a number as stored: the image is that many times its counts
-            in place of its fraction of full scale.
+            What one count is worth, in place of a fraction of full scale.
 
         Returns
         -------
@@ -165,20 +163,14 @@ class Corrections:
         full : (height, width) bool
             True where an integer pixel is at full scale: its light is not known.
         dead_lines : DeadLines
-            Rows and columns that are not usable, see `tomo.measurement.find_dead_lines`.
         bits : StoredBits or None
-            What integers of 16 bits say about the camera's; None of other images, and where
-            `bit_depth` or `saturation` says it.
+            None of images that are not of 16 bits, and where the corrections say them.
 
         Raises
         ------
-        FrameError
-            If the image is unreadable, not grey, or not finite where it is usable.
-        ValueError
-            If it is of another size, or that is so of a correction, or a correction is not in the
-            image's scale.
-        FileNotFoundError
-            If an image is missing.
+        ValueError, FileNotFoundError
+            If an image is missing, unreadable, of another size, not grey, or not finite where it
+            is usable; if a correction is not in the image's scale.
         """
         self._check_scale(image, camera, source)
         mask = self._value("mask", camera, size)

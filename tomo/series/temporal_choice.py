@@ -19,7 +19,7 @@ from tomo.series.temporal import REACH, SPLIT, TemporalFilter, growth, moved, ne
 WINDOW = 2 * REACH + 3
 """Frames of a window: three of them have all their neighbours, and are predicted."""
 
-STILL = (0.0, 0.0, 0.0)
+STILL = TemporalFilter.velocity
 
 PAYS = 0.02
 """Least relative gain in predicting left-out views. Filtering takes half as long again, and gains

@@ -57,10 +57,6 @@ def test_the_grid_of_a_part_has_its_coordinates(array, part):
         np.testing.assert_allclose(axis, chosen[name].values, rtol=1e-12)
 
 
-def test_one_plane_has_the_noted_spacing():
-    assert VoxelGrid.from_xarray(ARRAY.isel(z=[2])).spacing == GRID.spacing
-
-
 def test_coordinates_in_single_precision_are_even():
     rough = BARE.assign_coords(z=BARE.z.values.astype(np.float32))
     assert VoxelGrid.from_xarray(rough).spacing[2] == pytest.approx(0.7, rel=1e-4)
@@ -99,15 +95,6 @@ def test_an_array_is_an_emission_on_its_own_grid():
         tomo.simulate(RIG, data_array(volume, grid, "m"))
 
 
-def test_without_a_grid_the_rig_s_own_is_simulated():
-    volume = rigs.Volume((4, 5, 4), 0.4)
-    rig = Rig(RIG.cameras, volume=volume)
-    scan = tomo.simulate(rig, lambda points: np.ones(len(points)))
-    assert scan.grid == VoxelGrid((4, 5, 4), 0.4)
-    with pytest.raises(ValueError, match="grid: found none, expected a VoxelGrid"):
-        tomo.simulate(RIG, lambda points: np.ones(len(points)))
-
-
 def test_images_come_back():
     images = {name: np.random.default_rng(k).random((14, 12), np.float32)
               for k, name in enumerate(RIG.names)}  # fmt: skip
@@ -138,3 +125,12 @@ def test_a_missing_library_is_one_line(monkeypatch):
     monkeypatch.setitem(__import__("sys").modules, "xarray", None)
     with pytest.raises(ValueError, match=r"install it by pip install 'flametomo\[notebook\]'"):
         data_array(VOLUME, GRID)
+
+
+def test_without_a_grid_the_rig_s_own_is_simulated():
+    volume = rigs.Volume((4, 5, 4), 0.4)
+    rig = Rig(RIG.cameras, volume=volume)
+    scan = tomo.simulate(rig, lambda points: np.ones(len(points)))
+    assert scan.grid == VoxelGrid((4, 5, 4), 0.4)
+    with pytest.raises(ValueError, match="grid: found none, expected a VoxelGrid"):
+        tomo.simulate(RIG, lambda points: np.ones(len(points)))

@@ -76,19 +76,16 @@ def test_the_unit_of_intensity_does_not_matter(scale):
     assert np.count_nonzero(find_outlier_pixels(image)) == 1
 
 
-@pytest.mark.parametrize("sigma", [0.01, 0.1, 0.5])
-def test_white_noise_raises_no_alarm(sigma):
+@pytest.mark.parametrize(
+    "noisy",
+    [
+        *(lambda r, s=s: BLOB + s * r.standard_normal(BLOB.shape) for s in (0.01, 0.1, 0.5)),
+        *(lambda r, n=n: r.poisson(n * BLOB) / n for n in (10, 100, 1000)),
+    ],
+)
+def test_white_noise_and_counted_photons_raise_no_alarm(noisy):
     random = np.random.default_rng(0)
-    images = [BLOB + sigma * random.standard_normal(BLOB.shape) for _ in range(20)]
-    found = sum(np.count_nonzero(find_outlier_pixels(image)) for image in images)
-    assert found <= 1e-4 * 20 * BLOB.size
-
-
-@pytest.mark.parametrize("photons", [10, 100, 1000])
-def test_counted_photons_raise_no_alarm(photons):
-    random = np.random.default_rng(0)
-    images = [random.poisson(photons * BLOB) / photons for _ in range(20)]
-    found = sum(np.count_nonzero(find_outlier_pixels(image)) for image in images)
+    found = sum(np.count_nonzero(find_outlier_pixels(noisy(random))) for _ in range(20))
     assert found <= 1e-4 * 20 * BLOB.size
 
 

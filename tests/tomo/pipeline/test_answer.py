@@ -63,13 +63,6 @@ def test_the_worst_view_of_unexplained_images_is_reported_but_not_accused():
     assert "cam0" not in found.sentence
 
 
-@pytest.mark.parametrize("sigma", [0.003, 0.1])
-def test_a_fault_shows_through_noise(sigma):
-    """Means over pixels have less noise: three pixels off is seen at a tenth of the maximum."""
-    view = View("cam", flame() + noise(sigma), flame(column=36))
-    assert verdict_of(view) == NOT_EXPLAINED
-
-
 def test_details_finer_than_a_voxel_do_not_count():
     fine = 0.1 * flame() * np.where((ROWS + COLUMNS) % 2, 1, -1).astype(np.float32)
     view = View("cam", flame() + fine, flame())

@@ -120,13 +120,3 @@ def test_what_no_light_takes_does_not_count(sum_up, attenuated, system, volume):
     report = report_of(attenuated, hollow)
     assert report_of(np.where(dark, 7.0, attenuated), hollow) == report
     assert report_of(attenuated, volume) != report
-
-
-def test_the_report_is_plain(sum_up, attenuated):
-    found = sum_up(attenuated)
-    report = json.loads(json.dumps(found.report()))
-    assert set(report) == {"spread", "held_out_residual", "profiles"}
-    assert report["held_out_residual"] == RESIDUALS
-    column = report["profiles"]["upstream emission"]
-    assert len(column["centre"]) == len(column["light"]) == len(column["weight"])
-    assert repr(found) == f"<LearnedWeights: spread {found.spread:.1%}>"

@@ -12,15 +12,13 @@ import pytest
 
 import phantoms
 import rigs
-from tomo import LinearSystem, VoxelGrid, load_scan
+from tomo import LinearSystem, VoxelGrid
 from tomo.hull import carve
 from tomo.inference.solve import first_fit
 from tomo.inference.steps import Null, Steps
 from tomo.measurement import estimate_noise
 from tomo.model import Absorbing, Background, Gain, Observation, Pose
-from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
-from tomo.simulation.effects import Effects
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -141,30 +139,3 @@ def test_steps_of_effects_are_the_same(steps_in, scale):
     assert found.keys() == expected.keys()
     for name, values in expected.items():
         assert apart(found[name], values) < (1e-4 if name == "volume" else 2e-3), name
-
-
-def learned(scan, folder):
-    # weights alone say what is wrong
-    as_given = {"screen": False, "refine_cameras": "none", "fit_absorption": False}
-    options = Options(method="wernet", iterations=1, **as_given)
-    return reconstruct(load_scan(scan.save(folder)), options=options)
-
-
-@pytest.fixture(scope="module")
-def few():
-    made = jet(6, effects=Effects(absorption=0.3))
-    return replace(made, settings={})  # which hold what absorbed the light in one unit of length
-
-
-@pytest.fixture(scope="module")
-def learned_of_few(few, tmp_path_factory):
-    return learned(few, tmp_path_factory.mktemp("plain") / "scan")
-
-
-@every_scale
-def test_wernet_learns_the_same_of_absorption(few, learned_of_few, tmp_path, scale):
-    other, expected = in_units(few, *SCALES[scale]), learned_of_few
-    found = learned(other.scan, tmp_path / "scaled")
-    assert (found.learned is None) == (expected.learned is None)
-    volume = found.solution.volume.astype(np.float64) / other.emission
-    assert apart(volume, expected.solution.volume) < 1e-5

@@ -82,14 +82,3 @@ def test_a_stage_ends_at_its_own_pace(clock):
         clock(1)
     assert all(after < before for before, after in itertools.pairwise(errors))
     assert 0 <= errors[-1] < 2
-
-
-def test_a_stage_that_counts_anew_does_not_go_back(clock):
-    own = Pace(lambda *_: None)
-    own.expect({"a": 8})
-    step = own.stage("a")
-    clock(4)
-    step(3, 4, "")
-    left = own.left
-    step(0, 9, "once more")
-    assert own.left == left

@@ -51,14 +51,6 @@ def test_shrunk_images_say_the_same(folder, outcome):
     assert found.solution.quality["total_ratio"] == pytest.approx(1, abs=0.05)
 
 
-def test_more_rays_a_pixel(folder):
-    found = reconstruct(
-        load_scan(folder), options=Options(supersample=2, method="mlem", iterations=10)
-    )
-    assert found.options.supersample == 2
-    assert found.solution.quality["total_ratio"] == pytest.approx(1, abs=0.02)
-
-
 @pytest.mark.parametrize("rows", [1, 2])
 def test_cameras_of_a_row_or_two_show_a_slice(tmp_path, rows):
     flat = VoxelGrid((20, rows, 20), 1.0)

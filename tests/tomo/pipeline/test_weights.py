@@ -92,12 +92,6 @@ def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(quick_cho
     assert distance(weighed) < 1.1 * distance(plain)
 
 
-def test_a_method_asked_for_by_name_counts_pixels_alike_and_says_so(photons):
-    plain, weighed = both(photons, method="nnls", iterations=8)
-    assert "default method" in weighed.pixel_weights["reason"]
-    np.testing.assert_array_equal(weighed.solution.volume, plain.solution.volume)
-
-
 def test_wernet_starts_from_the_weighed_default(quick_choice, photons):
     default = reconstruct(photons, options=Options(uncertainty=0))
     learned = reconstruct(photons, options=Options(method="wernet", iterations=1, uncertainty=0))
@@ -131,3 +125,9 @@ class _Shown(Scan):
 
     def read_with_faults(self, frame):
         return self._images, *self._scan.read_with_faults(frame)[1:]
+
+
+def test_a_method_asked_for_by_name_counts_pixels_alike_and_says_so(photons):
+    plain, weighed = both(photons, method="nnls", iterations=8)
+    assert "default method" in weighed.pixel_weights["reason"]
+    np.testing.assert_array_equal(weighed.solution.volume, plain.solution.volume)
