@@ -17,7 +17,7 @@ from tomo.series.frames import UnreadableError, read_frame
 from tomo.series.layout import CAMERA_FIGURES
 from tomo.series.store import COMPLETE, LEFT_OUT
 from tomo.series.verdict import SeriesTable, answer_of_series, verdict_of_series
-from tomo.series.watching import in_words, watch_table
+from tomo.series.watching import in_words, watch
 
 MOST_REASONS = 3
 """Frames left out of which the reason is said."""
@@ -65,7 +65,7 @@ def series_report(table: SeriesTable) -> dict[str, Any]:
     for figure in CAMERA_FIGURES:
         for name, column in table.each_camera(figure).items():
             views[name][figure] = float(np.nanmean(column))
-    found = watch_table(table)
+    found = watch(table.columns, table.frames, table.cameras)
     lines = [*about["plan_warnings"], *in_words(found)]
     if warned := int(np.count_nonzero(columns["warnings"])):
         lines.append(f"{warned} frames have warnings of their own: see the store's warnings")

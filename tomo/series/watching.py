@@ -14,7 +14,6 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from tomo.series.store import LEFT_OUT
-from tomo.series.verdict import SeriesTable
 
 SHORTEST = 8
 """Frames that a change has to last, and that have to come before it. Fewer: gusts are taken for
@@ -107,11 +106,6 @@ def watch(
                 found.append(Finding(kind, camera, number, size, words(camera, size, number)))
     found += _spikes(np.asarray(table["view_residual"]), numbers, cameras)
     return found
-
-
-def watch_table(table: SeriesTable) -> list[Finding]:
-    """Return what changes in the frames of a store, see `watch`."""
-    return watch(table.columns, table.frames, table.cameras)
 
 
 def lasting_change(values: NDArray[np.float64]) -> tuple[int, float] | None:
