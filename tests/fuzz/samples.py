@@ -19,7 +19,7 @@ import yaml
 from damage import ARCHIVE, BINARY, PNG, TEXT, TREE
 
 from rigs import Camera, RayTable, Rig, formats, look_at
-from rigs.calibrate.detect import _detection_cache
+from rigs.calibrate.detect._detection_run import read_cache, write_cache
 from rigs.calibrate.detect.found import Found
 from rigs.calibrate.detect.image_sets import read_source
 from rigs.files import load_rig, save_rig
@@ -220,7 +220,7 @@ def _nifti(data):
 def _images(folder):
     found = Found(np.arange(3), np.ones((3, 2)), 1.0, "", None)
     nothing = Found.nothing("too dark")
-    _detection_cache.write(folder / "cache", {"a": (found, SIZE), "b": (nothing, SIZE)})
+    write_cache(folder / "cache", {"a": (found, SIZE), "b": (nothing, SIZE)})
     cache = (folder / "cache").read_bytes()
     grey = (np.arange(63).reshape(7, 9) * 4).astype(np.uint8)
 
@@ -248,7 +248,7 @@ def _images(folder):
         "image .pgm": Reader("a.pgm", read_image, pnms, (*TEXT, *BINARY)),
         "notes on images": Reader("a.tif", noted, every, PNG),
         "calibration image": Reader("a.tif", read_source, every, PNG),
-        "detection cache": Reader("found.npz", _detection_cache.read, (cache,), ARCHIVE),
+        "detection cache": Reader("found.npz", read_cache, (cache,), ARCHIVE),
     }
 
 
