@@ -1,16 +1,11 @@
 """Chart run time against error, with memory, start-up, and the studies of accuracy."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from tomo.cli.stopping import run
 
-if TYPE_CHECKING:
-    import typer
 
-
-def app() -> typer.Typer:
+def app() -> Callable[..., object]:
     """Return the command line; it imports libraries once signals are handled."""
     from studies.benchmark import STUDY
     from studies.common.study import command

@@ -1,16 +1,11 @@
 """Chart error against run time on known emissions: the project's methods and tuned peers."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from tomo.cli.stopping import run
 
-if TYPE_CHECKING:
-    import typer
 
-
-def app() -> typer.Typer:
+def app() -> Callable[..., object]:
     """Return the command line; it imports libraries once signals are handled."""
     from studies.emission import study
 

@@ -1,16 +1,11 @@
 """Run the experiments of the WERNet paper again, and say what holds."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 from tomo.cli.stopping import run
 
-if TYPE_CHECKING:
-    import typer
 
-
-def app() -> typer.Typer:
+def app() -> Callable[..., object]:
     """Return the command line; it imports libraries once signals are handled."""
     from studies.paper import study
 

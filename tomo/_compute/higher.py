@@ -14,7 +14,7 @@ from typing import Any
 HIGHER = {
     "save": "tomo.report.outcome_files:write_outcome",
     "reconstruction_html": "tomo.report.notebook:reconstruction_html",
-    "scan_html": "tomo.draw.scan_html:scan_html",
+    "scan_html": "tomo.report.notebook:scan_html",
     "image_of": "tomo.operators.image_of:image_of",
     "isosurface": "tomo.draw.volume.isosurface:isosurface",
     "data_array": "tomo.io.xarray_volumes:data_array",

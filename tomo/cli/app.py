@@ -9,8 +9,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from tomo.cli.console import end
-from tomo.cli.usage import UsageError
+from tomo.cli.console import UsageError, end
 
 VERBS = {
     "demo": "Simulate a turbulent flame, reconstruct it, and write the report.",

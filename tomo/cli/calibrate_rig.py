@@ -3,22 +3,19 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
-from tomo.cli.calibration_inputs import (
-    are_mosaics,
-    given_lenses,
-    given_scene,
-    given_volume,
-    given_world,
-    lens_sets,
-)
 from tomo.cli.console import print_json, say
-from tomo.cli.inputs import Box, check_output_file, check_output_folder
+from tomo.cli.inputs import Box, check_output_file, check_output_folder, load_rig_and_grid
 from tomo.pipeline.declared import whole
+
+if TYPE_CHECKING:
+    from rigs import Rig
+    from rigs.calibrate.refraction import WindowPrior
+    from rigs.scene import Scene
 
 PAGE, FIGURES = "_calibration.html", "_calibration.json"
 """Endings of the two files beside a rig.yaml, whose name they begin with."""
@@ -123,29 +120,35 @@ def calibrate_rig(
     """
     started = time.perf_counter()
     _check_outputs(out, report, cache)
-    from rigs import save_rig
+    from rigs import Volume, save_rig
     from rigs.calibrate import calibrate_rig as calibrate
     from rigs.calibrate import image_set, parse_target
     from rigs.calibrate.detect.image_sets import check_not_split
     from rigs.files.text import write_json
+    from rigs.recordings import Mosaic
     from rigs.recordings.layout import cameras_and_frames
-    from tomo.draw.calibration import write_calibration_page
+    from tomo.draw import write_calibration_page
 
-    flat, volume = parse_target(target), given_volume(box)
-    axes, strays = given_world(world), list[str]()
-    naming = {"pattern": pattern, "are_mosaics": are_mosaics(bayer)}
+    flat, voxels = parse_target(target), box.voxels() if box else None
+    axes, strays = _world(world), list[str]()
+    are_mosaics = bayer is not None and bool(Mosaic(bayer.upper(), "g"))
+    naming = {"pattern": pattern, "are_mosaics": are_mosaics}
     if pattern is None:
         check_not_split(images, bool(intrinsics or intrinsics_images))
     found = image_set(images, every, strays.append, **naming)
     if pattern is not None:
         say(cameras_and_frames(found))
-    optical, windows = given_scene(scene, refine_window or [], length_unit)
+    cameras = list(found)
+    optical, windows = _scene(scene, refine_window or [], length_unit)
     calibration = calibrate(
         found,
         flat,
-        intrinsics=given_lenses(intrinsics or [], found),
+        intrinsics=_lenses(intrinsics or [], cameras),
         intrinsics_images=intrinsics_images,
-        common_lens=lens_sets(common_lens or [], found),
+        common_lens=[
+            cameras if text.strip() == "all" else [name.strip() for name in text.split(",")]
+            for text in common_lens or []
+        ],
         pattern=pattern,
         bayer=bayer,
         every=every,
@@ -155,7 +158,7 @@ def calibrate_rig(
         rescale=rescale,
         length_unit=length_unit,
         distortion=model,
-        volume=volume,
+        volume=voxels and Volume(voxels.shape, voxels.spacing, voxels.center),
         square_pixels=square_pixels,
         fixed_center=fixed_center,
         scene=optical,
@@ -190,3 +193,74 @@ def _check_outputs(out: Path, report: Path | None, cache: Path | None) -> None:
         check_output_file(cache)
     if report is not None:
         check_output_folder(report)
+
+
+def _scene(
+    file: Path | None, refined: Iterable[str], length_unit: str
+) -> tuple[Scene | None, list[WindowPrior]]:
+    """Return the scene that the target was seen through, and its windows that are adjusted."""
+    from rigs.calibrate.refraction import Refraction, WindowPrior
+    from rigs.files.rig_yaml import load_scene
+
+    try:
+        windows = [WindowPrior.parsed(text) for text in refined]
+        if windows and file is None:
+            raise ValueError("found windows to adjust, expected --scene FILE with them")
+        scene = None if file is None else load_scene(file, length_unit)
+        if scene is not None:
+            Refraction.of(scene, windows)
+    except ValueError as error:
+        is_named = file is not None and str(error).startswith(str(file))
+        raise ValueError(f"{'' if is_named else '--refine-window: '}{error}") from None
+    return scene, windows
+
+
+def _lenses(texts: Sequence[str], cameras: Sequence[str]) -> Rig | None:
+    """Return a rig that has a lens for each of ``cameras``, None where no rig is named.
+
+    ``texts`` are a rig, and pairs ``A=B``: camera A has the lens of the rig's camera B.
+    """
+    from rigs import Rig
+
+    pairs = [text for text in texts if "=" in text and not Path(text).exists()]
+    files = [text for text in texts if text not in pairs]
+    if not texts:
+        return None
+    if len(files) != 1:
+        raise ValueError(
+            f"--intrinsics: found {len(files)} rigs ({', '.join(files) or 'none'}), expected one, "
+            "and pairs A=B: camera A has the lens of the rig's camera B"
+        )
+    rig, source = load_rig_and_grid(files[0])[0], dict(zip(cameras, cameras, strict=True))
+    names, given = ", ".join(rig.names), set()
+    for pair in pairs:
+        own, _, other = pair.partition("=")
+        if own not in source or own in given:
+            raise ValueError(
+                f"--intrinsics: {pair}: found {own!r}{' twice' if own in given else ''}, expected "
+                f"a camera of the images once: {', '.join(cameras)}"
+            )
+        if other not in rig:
+            raise ValueError(
+                f"--intrinsics: {pair}: found {other!r}, expected a camera of {files[0]}: {names}"
+            )
+        given.add(own)
+        source[own] = other
+    for own, other in source.items():
+        if other not in rig:
+            raise ValueError(
+                f"--intrinsics: camera {own}: not in {files[0]}, which has {names}; expected "
+                f"its lens: add --intrinsics {own}={rig.names[0]}, or whichever camera it is"
+            )
+    return Rig(tuple(replace(rig[other], name=own) for own, other in source.items()))
+
+
+def _world(text: str | None) -> Any:
+    """Return a name as it is, and the positions in a file."""
+    if text is None or Path(text).suffix.lower() not in (".yaml", ".yml"):
+        return text
+    from rigs.files.text import read_yaml_mapping
+    from rigs.geometry.rotation import numbers
+
+    positions = read_yaml_mapping(text)
+    return {name: numbers(point, (3,), f"{text}: {name}") for name, point in positions.items()}

@@ -166,12 +166,8 @@ def _limits(rig: Rig, voxels: VoxelGrid, noise: float) -> Limits:
 
 def _limits_table(limits: Limits) -> Table:
     """Return a row for each camera: the smallest faults that images would tell."""
-    from rich.table import Table
-
-    table = Table(box=None, padding=(0, 2, 0, 0), title="Smallest faults that images would tell")
     head = "camera", "shift (px)", "roll (°)", "zoom (%)", "gain (%)", "background (% of peak)"
-    for column, title in enumerate(head):
-        table.add_column(title, justify="right" if column else "left")
+    table = _headed(head, title="Smallest faults that images would tell")
     for one in limits.cameras:
         percent = (100 * one.zoom, 100 * one.gain, 100 * one.background)
         table.add_row(one.camera, *(f"{v:.2g}" for v in (one.shift, one.roll, *percent)))
@@ -195,21 +191,27 @@ def _effort(rig: Rig, voxels: VoxelGrid, is_timed: bool) -> tuple[MemoryNeed, Ef
 
 def _table(check: RigCheck) -> Table:
     """Return a row of figures for each camera; the responsible cameras are coloured."""
-    from rich.table import Table
-
     from tomo.draw.rig.rig_page import check_table
 
     content = check_table(check)
     levels: dict[str, str] = {}
     for finding in reversed(check.findings):
         levels.update(dict.fromkeys(finding.cameras, finding.level))
-    table = Table(box=None, padding=(0, 2, 0, 0))
-    for column, title in enumerate(content.head):
-        table.add_column(title, justify="right" if column else "left", vertical="bottom")
+    table = _headed(content.head)
     for row in content.rows:
         table.add_row(
             *row, style={"fault": "red", "warning": "yellow"}.get(levels.get(row[0], ""), "")
         )
+    return table
+
+
+def _headed(head: Sequence[str], title: str | None = None) -> Table:
+    """Return an empty table with its heads, names on the left and figures on the right."""
+    from rich.table import Table
+
+    table = Table(box=None, padding=(0, 2, 0, 0), title=title)
+    for column, words in enumerate(head):
+        table.add_column(words, justify="right" if column else "left", vertical="bottom")
     return table
 
 

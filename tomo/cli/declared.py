@@ -20,8 +20,7 @@ from typing import Annotated, Any, get_args, get_origin, get_type_hints
 
 import typer
 
-from tomo.cli.console import bad_input_in_one_line, flag
-from tomo.cli.usage import OneLineUsage
+from tomo.cli.console import OneLineUsage, bad_input_in_one_line, flag
 from tomo.pipeline.declared import Check, Declared, number, whole
 
 OTHERS = "More options"
@@ -57,32 +56,17 @@ _CHECKS = {int: whole(), float: number(), Path: Check("a path", _path, metavar="
 
 @dataclass(frozen=True)
 class Given:
-    """An argument or option of a command.
-
-    Attributes
-    ----------
-    name : str
-        That of the parameter or field.
-    default : Any
-        `inspect.Parameter.empty` where one has to be given.
-    is_argument, is_switch, is_many : bool
-        Many values where the option can be repeated.
-    check : Check, optional
-        Converts a value; text stays as it is without.
-    help, metavar : str
-    section : str, optional
-        Of the help.
-    """
+    """An argument or option of a command."""
 
     name: str
-    default: Any
+    default: Any  # `inspect.Parameter.empty` where one has to be given
     is_argument: bool
     is_switch: bool
-    is_many: bool
-    check: Check | None
+    is_many: bool  # it can be repeated
+    check: Check | None  # converts a value; text stays as it is without
     help: str
     metavar: str
-    section: str | None
+    section: str | None  # of the help
 
     def for_typer(self) -> inspect.Parameter:
         """Return the parameter of texts, or the flag, that typer parses."""
@@ -106,13 +90,7 @@ class Given:
         return inspect.Parameter(self.name, only, default=default, annotation=kind)
 
     def value_of(self, parsed: Any) -> Any:
-        """Return what the function takes for what typer has parsed.
-
-        Raises
-        ------
-        ValueError
-            Naming the option, what was found and what was expected.
-        """
+        """Return what the function takes for what typer has parsed."""
         if not self.is_many:
             return parsed if parsed is None or self.check is None else self._converted(parsed)
         if not parsed:
@@ -156,7 +134,8 @@ def command_line(
     if any(one.kind is not one.POSITIONAL_OR_KEYWORD for one in parameters):
         given = [_among(one, first) for one in _given_of(function)]
         given.sort(key=lambda one: first.index(one.name) if one.name in first else len(first))
-        help, function = f"{_about(function)}\n\n{help}", _run(function, given, groups)
+        about = _TITLE.split(f"{inspect.getdoc(function) or ''}\n")[0]
+        help, function = f"{about}\n\n{help}", _run(function, given, groups)
     app.command(name=name, cls=OneLineUsage, help=help, epilog=epilog)(function)
     return app
 
@@ -171,7 +150,8 @@ def _run(
             values = {one.name: one.value_of(parsed[one.name]) for one in given}
             arguments = [values.pop(one.name) for one in given if one.is_argument]
             for name, kind in groups.items():
-                values[name] = _made(kind, {f.name: values.pop(f.name) for f in _fields(kind)})
+                names = [field.name for field in dataclasses.fields(kind)]
+                values[name] = _made(kind, {field: values.pop(field) for field in names})
             function(*arguments, **values)
 
     made = [one.for_typer() for one in given]
@@ -198,7 +178,7 @@ def _given_of(function: Callable[..., None]) -> Iterator[Given]:
             yield _given(one.name, one.annotation, one.default, is_argument, said)
             continue
         own, kinds = _said_in(one.annotation), get_type_hints(one.annotation, include_extras=True)
-        for field in _fields(one.annotation):
+        for field in dataclasses.fields(one.annotation):
             if issubclass(one.annotation, Declared):
                 yield _declared(field, kinds[field.name])
             else:
@@ -242,15 +222,6 @@ def _among(one: Given, first: Sequence[str]) -> Given:
 
 def _is_group(annotation: Any) -> bool:
     return isinstance(annotation, type) and dataclasses.is_dataclass(annotation)
-
-
-def _fields(kind: Any) -> tuple[dataclasses.Field, ...]:
-    return dataclasses.fields(kind)
-
-
-def _about(function: Callable[..., None]) -> str:
-    """Return what a docstring says before its sections."""
-    return _TITLE.split(f"{inspect.getdoc(function) or ''}\n")[0]
 
 
 def _said_in(documented: Any) -> dict[str, _Said]:

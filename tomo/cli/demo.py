@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from tomo.cli.console import say
-from tomo.cli.corrections import Corrections
-from tomo.cli.inputs import Box, Drawing, Images
+from tomo.cli.images import Corrections, Images
+from tomo.cli.inputs import Box, Drawing
 from tomo.cli.reconstruct import reconstruct
 from tomo.cli.simulate import simulate
 from tomo.cli.visualize_rig import visualize_rig

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json as json_text
 from pathlib import Path
 from typing import Annotated
 
-from tomo.cli.console import print_json, say
-from tomo.cli.corrections import Corrections
-from tomo.cli.inputs import Box, Images, check_output_volume
+from tomo.cli.console import finite_or_none, print_json, say
+from tomo.cli.images import Corrections, Images
+from tomo.cli.inputs import Box, check_output_volume
 from tomo.pipeline.declared import whole
 
 EXAMPLES = """
@@ -56,6 +55,7 @@ def hull(
         Views that must exclude a voxel.
     """
     from rigs.files import whole_folder
+    from rigs.files.text import write_json
     from tomo.hull.opaque import otsu, silhouette, visual_hull
     from tomo.io import write_volume
 
@@ -67,10 +67,10 @@ def hull(
     outlines = [silhouette(one, level, close=close, grow=grow) for one in pictures]
     result = visual_hull(tuple(found.rig), outlines, voxels, masks, votes=votes)
     edge = voxels.spacing
-    each = zip(found.rig.names, map(_known, result.overlaps), strict=True)
-    views: dict[str, float | None] = dict(each)
+    overlaps = [finite_or_none(float(one)) for one in result.overlaps]
+    views = dict(zip(found.rig.names, overlaps, strict=True))
     report = {
-        "iou": _known(result.overlaps.mean()),
+        "iou": finite_or_none(float(result.overlaps.mean())),
         "views": views,
         "threshold": level,
         "voxels_inside": int(result.inside.sum()),
@@ -80,7 +80,7 @@ def hull(
     with whole_folder(out, last=("hull.json",)) as staging:
         for suffix in (".npz", ".vti", ".nrrd"):
             write_volume(staging / f"hull{suffix}", result.inside, voxels, found.rig.length_unit)
-        (staging / "hull.json").write_text(json_text.dumps(report, indent=2) + "\n", "utf-8")
+        write_json(staging / "hull.json", report, indent=2)
     worst = min(views.items(), key=lambda one: -1.0 if one[1] is None else one[1])
     said = "undefined" if report["iou"] is None else f"{report['iou']:.4f}"
     say(
@@ -90,8 +90,3 @@ def hull(
     )
     if json:
         print_json(report)
-
-
-def _known(value: float) -> float | None:
-    """Return a number that JSON can hold."""
-    return float(value) if value == value else None

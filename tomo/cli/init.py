@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tomo.cli.console import print_json, say
-from tomo.cli.corrections import value_of
+from tomo.cli.images import value_of
 from tomo.cli.inputs import Box, check_output_folder, parse_spacing, parse_triple
 from tomo.pipeline.declared import whole
 
@@ -82,8 +82,7 @@ def init(
     rename : A=B
         Name camera A B; repeatable.
     """
-    from tomo.draw.rig.contact_sheet import contact_sheet
-    from tomo.draw.rig.thumbnails import load_thumbnails
+    from tomo.draw.rig.thumbnails import contact_sheet, load_thumbnails
     from tomo.scan.propose import Request, write_proposal
     from tomo.scan.propose.contents import THUMBNAILS
     from tomo.scan.propose.write import check_writable

@@ -10,12 +10,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tomo.cli.console import say
-from tomo.draw.suffixes import PICTURE_SUFFIXES
+from tomo.draw.figures import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
     from rigs import Rig
-    from tomo import Scan, VoxelGrid
+    from tomo import VoxelGrid
     from tomo.draw.emission import Looks
 
 
@@ -56,11 +55,6 @@ class Box:
         """Return the grid; what was not given is taken from ``default``.
 
         Either ``lower`` and ``upper`` with a shape, or any of shape, spacing and center.
-
-        Raises
-        ------
-        ValueError
-            Naming the option.
         """
         from tomo import VoxelGrid
 
@@ -119,53 +113,6 @@ class BareArray:
 
 
 @dataclass(frozen=True)
-class Images:
-    """Images and rig, in place of a scan.
-
-    Images
-    ------
-    rig : FILE
-        A rig.yaml, with --images, in place of SCAN.
-    images : FOLDER
-        Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; or where
-        those of a transforms.json are.
-    pattern : PATTERN
-        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
-        CAMERA.tif: '{frame}/{camera}.png', say.
-    """
-
-    rig: Path | None = None
-    images: Path | None = None
-    pattern: str | None = None
-
-    def scan(self, scan: Path | None) -> Scan:
-        """Return the scan that is named, or these images; cameras that a pattern finds are said.
-
-        Raises
-        ------
-        ValueError
-            If both are given, or neither.
-        """
-        from rigs.recordings.layout import cameras_and_frames
-        from tomo import load_scan, scan_of_images
-
-        if self.pattern is not None and self.rig is None:
-            raise ValueError(
-                f"--pattern: found {self.pattern!r}, expected --rig and --images with it"
-            )
-        if scan is not None and self.rig is None:
-            return load_scan(scan, self.images)
-        if scan is None and self.rig is not None and self.images is not None:
-            found = scan_of_images(self.rig, self.images, self.pattern)
-            if self.pattern is not None:
-                names = found.rig.names
-                each = {n: [f.name for f in found.frames if n in f.images] for n in names}
-                say(cameras_and_frames(each))
-            return found
-        raise ValueError("SCAN: expected either a scan, or --rig and --images together")
-
-
-@dataclass(frozen=True)
 class Drawing:
     """How volumes are drawn.
 
@@ -196,12 +143,12 @@ class Drawing:
         return name if self.title is None else self.title
 
 
-def parse_grid_shape(text: str, option: str = "--grid") -> tuple[int, int, int]:
+def parse_grid_shape(text: str) -> tuple[int, int, int]:
     """Return the counts of ``30x140x30``."""
     match = re.fullmatch(r"(\d{1,9})x(\d{1,9})x(\d{1,9})", text.strip().lower(), re.ASCII)
     if match is None:
         raise ValueError(
-            f"{option}: found {text!r}, expected three counts like 30x140x30, below 10^9"
+            f"--grid: found {text!r}, expected three counts like 30x140x30, below 10^9"
         )
     nx, ny, nz = map(int, match.groups())
     return nx, ny, nz
@@ -216,11 +163,11 @@ def parse_triple(text: str, option: str) -> tuple[float, float, float]:
     return x, y, z
 
 
-def parse_spacing(text: str, option: str = "--spacing") -> tuple[float, float, float]:
+def parse_spacing(text: str) -> tuple[float, float, float]:
     """Return the edge lengths of ``0.5`` or ``0.5,0.5,1``."""
     numbers = _numbers(text)
     if numbers is None or len(numbers) not in (1, 3) or min(numbers) <= 0:
-        raise ValueError(f"{option}: found {text!r}, expected lengths like 0.5 or 0.5,0.5,1")
+        raise ValueError(f"--spacing: found {text!r}, expected lengths like 0.5 or 0.5,0.5,1")
     x, y, z = numbers * (3 // len(numbers))
     return x, y, z
 
@@ -258,13 +205,8 @@ def read_volume_in(path: Path, rig: Rig, box: Box) -> tuple:
     return data, grid, value_unit
 
 
-def load_rig_or_preset(text: str) -> Rig:
-    """Return the rig of a preset, a scan, or a file or folder of any known format."""
-    return load_rig_and_grid(text)[0]
-
-
 def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:
-    """Return such a rig, and the grid that the scan or the rig itself names, or None."""
+    """Return the rig of a preset, a scan or a file of any format, and the grid that it names."""
     from rigs import load, preset_names
     from tomo.grid import grid_of_rig
     from tomo.scan.files import is_scan_file

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from rigs.progress import progress_of, staged
 from tomo.cli.console import print_json, say, typed
-from tomo.cli.corrections import Corrections
-from tomo.cli.inputs import Box, Images, check_output_store, check_output_volume
+from tomo.cli.images import Corrections, Images
+from tomo.cli.inputs import Box, check_output_store, check_output_volume
 from tomo.cli.stopping import keep
 from tomo.pipeline.declared import whole
 from tomo.pipeline.options import Options
@@ -90,15 +90,23 @@ def reconstruct(
     if options.frames is not None:
         if preview:
             raise ValueError("--preview: found it with --frames, expected one of both")
-        cluster = _cluster(workers, scheduler)
+        from tomo.series import on_cluster
+
+        is_shared = workers is not None or scheduler is not None
+        cluster = on_cluster(workers, scheduler) if is_shared else None
         return _series(loaded, voxels, options, out, pictures, json, cluster)
     report = (_previewed if preview else _whole)(loaded, voxels, options, out, pictures)
     if preview:
         return print_json(report) if json else None
+    _tell(report, _summary(report, out), json)
+
+
+def _tell(report: dict[str, Any], summary: str, json: bool) -> None:
+    """Say the answer, the warnings and a summary."""
     say(report["answer"]["sentence"], "bold")
     for warning in report["warnings"]:
         say(f"warning: {warning}", "yellow")
-    say(_summary(report, out))
+    say(summary)
     if json:
         print_json(report)
 
@@ -150,15 +158,6 @@ def _say_scale(scan: Scan, grid: VoxelGrid | None) -> None:
         )
 
 
-def _cluster(workers: int | None, scheduler: str | None) -> AbstractContextManager | None:
-    """Return where blocks of frames are solved; None for this process."""
-    from tomo.series import on_cluster
-
-    if workers is None and scheduler is None:
-        return None
-    return on_cluster(workers, scheduler)
-
-
 def _series(
     scan: Scan,
     grid: VoxelGrid | None,
@@ -175,12 +174,7 @@ def _series(
     check_output_store(out, scan.rig, scan.source)
     store = reconstruct_series(scan, out, grid, options, progress=True, cluster=cluster)
     report = write_series_outcome(store, scan, with_film=pictures, progress=True)
-    say(report["answer"]["sentence"], "bold")
-    for warning in report["warnings"]:
-        say(f"warning: {warning}", "yellow")
-    say(_series_summary(report))
-    if json:
-        print_json(report)
+    _tell(report, _series_summary(report), json)
 
 
 def _series_summary(report: dict) -> str:
@@ -282,7 +276,7 @@ def _comparison(report: dict) -> list[str]:
     ]
     cells = [[heads[c] for c in shown]]
     for row in rows:
-        cells.append([v if isinstance(v := row[c], str) else _cell(v) for c in shown])
+        cells.append([v if isinstance(v := row[c], str) else _number(v, "-") for c in shown])
     widths = [max(len(row[n]) for row in cells) for n in range(len(shown))]
     return [
         "  ".join(
@@ -298,16 +292,12 @@ def _mean(values: Iterable[float | None]) -> float | None:
     return sum(known) / len(known) if known else None
 
 
-def _cell(value: float | None) -> str:
-    return "-" if value is None else f"{value:.4g}"
-
-
 def _figures(figures: dict) -> str:
     from tomo.pipeline.view import with_unit
 
     return ", ".join(f"{name} {with_unit(name, _number(v))}" for name, v in figures.items())
 
 
-def _number(value: float | None) -> str:
+def _number(value: float | None, unknown: str = "undefined") -> str:
     """Return a figure of the report, where None stands for what is no finite number."""
-    return "undefined" if value is None else f"{value:.4g}"
+    return unknown if value is None else f"{value:.4g}"

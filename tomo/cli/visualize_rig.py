@@ -7,7 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tomo.cli.console import finite_or_none, print_json, say
+from tomo.cli.console import print_json, say
 from tomo.cli.inputs import (
     Box,
     Drawing,
@@ -96,7 +96,13 @@ def visualize_rig(
             title=drawing.titled(Path(rig).stem),
         )
     if difference is not None:
-        _say_difference(difference, loaded.length_unit)
+        from tomo.draw.rig.rig_page import number
+
+        say(
+            f"ray-miss between both rigs: {number(difference.ray_miss)} {loaded.length_unit}; "
+            f"turned by {number(difference.turn)} degrees, moved by {number(difference.shift)} "
+            f"{loaded.length_unit} to lie over each other"
+        )
     if json:
         result: dict[str, Any] = {
             "files": [str(path) for path in out],
@@ -105,16 +111,6 @@ def visualize_rig(
         if difference is not None:
             result["difference"] = _plain(difference)
         print_json(result)
-
-
-def _say_difference(difference: RigDifference, unit: str) -> None:
-    from tomo.draw.rig.rig_page import number
-
-    say(
-        f"ray-miss between both rigs: {number(difference.ray_miss)} {unit}; turned by "
-        f"{number(difference.turn)} degrees, moved by {number(difference.shift)} {unit} "
-        "to lie over each other"
-    )
 
 
 def _load(text: str) -> tuple[Rig, VoxelGrid | None]:
@@ -156,21 +152,21 @@ def _difference(
 
 def _plain(difference: RigDifference) -> dict:
     """Return a difference as plain data; None where a figure is not known."""
-    return {
-        "R": difference.R.tolist(),
-        "t": difference.t.tolist(),
-        "turn_degrees": difference.turn,
-        "shift": difference.shift,
-        "scale": finite_or_none(difference.scale),
-        "ray_miss": finite_or_none(difference.ray_miss),
-        "only_first": list(difference.only_first),
-        "only_second": list(difference.only_second),
-        "cameras": {
-            camera.name: {
-                name: finite_or_none(value)
-                for name, value in asdict(camera).items()
-                if name != "name"
-            }
-            for camera in difference.cameras
-        },
-    }
+    from rigs.files.text import plain
+
+    cameras = {camera.name: asdict(camera) for camera in difference.cameras}
+    for each in cameras.values():
+        del each["name"]
+    return plain(
+        {
+            "R": difference.R.tolist(),
+            "t": difference.t.tolist(),
+            "turn_degrees": difference.turn,
+            "shift": difference.shift,
+            "scale": difference.scale,
+            "ray_miss": difference.ray_miss,
+            "only_first": difference.only_first,
+            "only_second": difference.only_second,
+            "cameras": cameras,
+        }
+    )

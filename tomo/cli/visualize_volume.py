@@ -7,7 +7,7 @@ from pathlib import Path
 
 from tomo.cli.console import print_json
 from tomo.cli.inputs import BareArray, Drawing, check_output_pictures, read_volume_file
-from tomo.draw.suffixes import TURNING
+from tomo.draw.figures import TURNING
 
 EXAMPLES = """
 flametomo visualize-volume out/volume.npz -o flame.html
@@ -57,14 +57,7 @@ def visualize_volume(
     for path in out:
         draw(path, data, grid, **units, title=heading, looks=drawing.looks)
     if json:
-        print_json(
-            {
-                "files": [str(path) for path in out],
-                "grid": grid.to_mapping(),
-                "length_unit": unit,
-                "value_unit": value_unit,
-            }
-        )
+        print_json({"files": [*map(str, out)], "grid": grid.to_mapping(), **units})
 
 
 def _film(store: Path, out: Sequence[Path], frames: str | None, title: str, json: bool) -> None:
@@ -76,10 +69,5 @@ def _film(store: Path, out: Sequence[Path], frames: str | None, title: str, json
     for path in out:
         numbers = visualize_film(path, opened, frames or ":", title=title, progress=True)
     if json:
-        print_json(
-            {
-                "files": [str(path) for path in out],
-                "grid": opened.grid.to_mapping(),
-                "frames": numbers,
-            }
-        )
+        grid = opened.grid.to_mapping()
+        print_json({"files": [*map(str, out)], "grid": grid, "frames": numbers})

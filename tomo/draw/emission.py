@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from rigs import Camera, Rig
 from tomo.draw.figures import raised
-from tomo.draw.frame import Up
+from tomo.draw.frame import Up, Viewpoint
 from tomo.draw.scene import ColourScale
 from tomo.draw.shapes import box_corners
-from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.isosurface import coarsened, finite
 from tomo.grid import Volume, VoxelGrid
 
@@ -72,14 +71,8 @@ LIGHT = Looks()
 def emission_image(volume: Volume, viewpoint: Viewpoint) -> NDArray[np.float32]:
     """Return the volume's line integrals through the middles of a picture's pixels.
 
-    Emission is linear between the centres of voxels. The projection operator without a stored
-    matrix integrates it, on voxels divided until their edges do not show.
-
-    Parameters
-    ----------
-    volume : Volume
-        Values at the voxels' centres; 0 where not finite.
-    viewpoint : Viewpoint
+    Emission is linear between the centres of voxels, 0 where not finite. The projection operator
+    without a stored matrix integrates it, on voxels divided until their edges do not show.
 
     Returns
     -------
@@ -158,16 +151,8 @@ def eye_of(
 ) -> Viewpoint:
     """Return the viewpoint from which the box fills a picture as it turns about the upward axis.
 
-    Parameters
-    ----------
-    grid : VoxelGrid
-    size : (int, int)
-        Width and height in pixels.
-    azimuth : float
-        Degrees.
-    up : Up, optional
-    margins : (left, right, top, bottom)
-        Fractions of the width and the height that stay free.
+    ``size`` is width and height in pixels, ``azimuth`` in degrees; ``margins`` are the fractions
+    of width and height that stay free: left, right, top, bottom.
     """
     up = up or Up()
     toward = up.eye_direction(azimuth, EYE[1])
@@ -184,30 +169,16 @@ def eye_of(
 
 
 def turning_gif(
-    volume: Volume,
-    *,
-    up: Up | None = None,
-    colours: str = COLOURS,
-    height: int = 400,
-    frames: int = 36,
-    milliseconds: int = 90,
+    volume: Volume, *, colours: str = COLOURS, height: int = 400, frames: int = 36
 ) -> bytes:
     """Return an animation of the volume's light turning once about the upward axis, as GIF.
 
-    Parameters
-    ----------
-    volume : Volume
-    up : Up, optional
-    colours : str
-        A colour map of matplotlib; its first colour is the ground.
-    height : int
-        Pixels; the width follows from the box.
-    frames, milliseconds : int
-        Pictures of a whole turn, and how long each is shown.
+    ``colours`` is a colour map of matplotlib, its first colour the ground; the width follows from
+    ``height`` in pixels and the box.
     """
     from PIL import Image
 
-    up, grid = up or Up(), volume.grid
+    up, grid = Up(), volume.grid
     first, second = up.level
     wide = np.hypot(*grid.extent[[first, second]])
     width = int(np.clip(round(height * wide / grid.extent[up.axis]), height // 4, 2 * height))
@@ -227,7 +198,7 @@ def turning_gif(
         pictures.append(picture)
     buffer = io.BytesIO()
     pictures[0].save(
-        buffer, "gif", save_all=True, append_images=pictures[1:], duration=milliseconds, loop=0,
+        buffer, "gif", save_all=True, append_images=pictures[1:], duration=90, loop=0,
         optimize=False, disposal=1,
     )  # fmt: skip
     return buffer.getvalue()

@@ -1,4 +1,4 @@
-"""Matplotlib figures without global state: created, filled, written and dropped."""
+"""Matplotlib figures without global state, and the files that pictures are written to."""
 
 from __future__ import annotations
 
@@ -17,6 +17,18 @@ if TYPE_CHECKING:
 INK, MUTED = "#1b2733", "#5b6672"
 LIGHT_INK, LIGHT_MUTED = "#c9d1d9", "#9aa5b1"
 """Colours of titles and of secondary text, on white and on black."""
+
+
+PRINT_DPI = 200
+"""Pixels an inch of figures for papers."""
+
+FIGURE_SUFFIXES = (".png", ".pdf", ".svg")
+"""The suffixes of flat pictures; text and lines of the last two can be enlarged."""
+
+PICTURE_SUFFIXES = (*FIGURE_SUFFIXES, ".html", ".glb")
+
+TURNING = ".gif"
+"""The suffix of a volume that turns; rigs are not drawn so."""
 
 
 def new_figure(width: float, height: float, dpi: int = 160) -> Figure:
@@ -87,3 +99,18 @@ def save_figure(figure: Figure, path: str | os.PathLike) -> None:
     without = {"png": {"Software": None}, "pdf": {"CreationDate": None}, "svg": {"Date": None}}
     with atomic_path(path) as temporary, mpl.rc_context({"svg.hashsalt": "flametomo"}):
         figure.savefig(temporary, format=kind, metadata=without[kind])
+
+
+def suffix_of(path: str | os.PathLike, *more: str) -> str:
+    """Return the suffix of a picture's file in small letters.
+
+    Raises
+    ------
+    ValueError
+        If it is none of `PICTURE_SUFFIXES` and of ``more``.
+    """
+    suffix, known = Path(path).suffix, (*PICTURE_SUFFIXES, *more)
+    if suffix.lower() not in known:
+        expected = ", ".join(known)
+        raise ValueError(f"{path}: suffix: found {suffix!r}, expected one of {expected}")
+    return suffix.lower()

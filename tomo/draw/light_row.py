@@ -9,16 +9,15 @@ import numpy as np
 
 from tomo.draw.emission import COLOURS, EYE, emission_image, end_of_scale, of_integral
 from tomo.draw.figures import LIGHT_INK
-from tomo.draw.frame import Up
+from tomo.draw.frame import Up, Viewpoint
 from tomo.draw.shapes import box_corners
-from tomo.draw.viewpoint import Viewpoint
-from tomo.draw.volume.given import volume_of
+from tomo.draw.volume.visualize import volume_of
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from tomo.draw.volume.given import GivenVolume
+    from tomo.draw.volume.visualize import GivenVolume
 
 _PIXELS = 400
 """Longer edge of each picture: a panel of three inches at the resolution of print."""
@@ -30,9 +29,7 @@ def light_row(
     grid: VoxelGrid | None = None,
     *,
     eye: tuple[float, float] = EYE,
-    full: float | None = None,
     length_unit: str = "mm",
-    colours: str = COLOURS,
 ) -> None:
     """Draw each volume's light on one of the axes: line integrals, all in the same colours.
 
@@ -46,12 +43,8 @@ def light_row(
         That of bare arrays.
     eye : (float, float)
         Azimuth and elevation in degrees from which the volumes are seen.
-    full : float, optional
-        End of the colours; a round number above the brightest pixel when None.
     length_unit : str
         That of bare arrays.
-    colours : str
-        A colour map of matplotlib.
 
     Raises
     ------
@@ -68,9 +61,9 @@ def light_row(
     ]
     views = [_view(one.grid, eye) for one in given]
     images = [emission_image(one, view) for one, view in zip(given, views, strict=True)]
-    full = full or end_of_scale(max(float(image.max()) for image in images))
+    full = end_of_scale(max(float(image.max()) for image in images))
     for panel, title, view, one, image in zip(axes, volumes, views, given, images, strict=True):
-        drawn = panel.imshow(image, colours, vmin=0, vmax=full)
+        drawn = panel.imshow(image, COLOURS, vmin=0, vmax=full)
         panel.set_title(title)
         panel.set(xticks=[], yticks=[], facecolor="black")
         _scale_bar(panel, view.pixel_at(one.grid.center), image.shape, one.length_unit)

@@ -5,19 +5,17 @@ from __future__ import annotations
 import base64
 import io
 from importlib import resources
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
 
 def render(template: str, **values: object) -> str:
-    """Return the page rendered from a template of this package; ``values`` are escaped.
-
-    Parameters
-    ----------
-    template : str
-        A file's name; it may include others, like ``style.html``.
-    """
+    """Return the page of a template, which may include others; values are escaped."""
     import jinja2
 
     def source(name: str) -> str:
@@ -38,25 +36,27 @@ def embedded(png: bytes) -> str:
     return "data:image/png;base64," + base64.b64encode(png).decode("ascii")
 
 
+def png_of(image: Image) -> bytes:
+    """Return an image of Pillow as a small PNG."""
+    buffer = io.BytesIO()
+    image.save(buffer, "png", optimize=True)
+    return buffer.getvalue()
+
+
 def small_png(picture: NDArray[np.uint8], colours: int = 96) -> bytes:
     """Return a picture ``(rows, columns, 3)`` as a PNG of a few colours, a third of the size."""
     from PIL import Image
 
-    buffer = io.BytesIO()
-    Image.fromarray(picture).quantize(colours, dither=Image.Dither.NONE).save(
-        buffer, "png", optimize=True
-    )
-    return buffer.getvalue()
+    return png_of(Image.fromarray(picture).quantize(colours, dither=Image.Dither.NONE))
 
 
 def indexed_png(steps: NDArray[np.uint8], colours: NDArray) -> bytes:
     """Return numbers of colours ``(rows, columns)``, and the colours in 0..1, as a PNG."""
     from PIL import Image
 
-    image, buffer = Image.fromarray(steps), io.BytesIO()
+    image = Image.fromarray(steps)
     image.putpalette(np.round(255 * colours).astype(np.uint8).tobytes())
-    image.save(buffer, "png", optimize=True)
-    return buffer.getvalue()
+    return png_of(image)
 
 
 def script_safe(text: str) -> str:

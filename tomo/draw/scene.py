@@ -38,17 +38,7 @@ def on_black(colour: Colour) -> Colour:
 
 @dataclass(frozen=True)
 class ColourScale:
-    """The colour scale of a quantity.
-
-    Attributes
-    ----------
-    title : str
-        The quantity and its unit.
-    lower, upper : float
-        The numbers at the ends of the scale.
-    colours : str
-        The name of a colour map of matplotlib.
-    """
+    """The colour scale of a quantity: words with unit, the numbers at both ends, a colour map."""
 
     title: str
     lower: float
@@ -91,12 +81,8 @@ class Mesh:
         Vertex indices.
     colour : (3,) tuple
         Red, green, blue in 0..1.
-    opacity : float
-        1 is opaque.
     values : (V,) float, optional
-        Numbers shown as colours of ``scale``.
-    scale : ColourScale, optional
-        The colour scale of ``values``. A mesh with a scale is drawn without shading.
+        Numbers shown as colours of ``scale``; such a mesh is drawn without shading.
     """
 
     name: str
@@ -148,16 +134,8 @@ class Mesh:
 class Label:
     """A text at a point, moved by ``outward`` from the object that it names.
 
-    Attributes
-    ----------
-    text : str
-    group : str
-        The layer that switches it on and off, for example ``"names"``.
-    position : (3,) float64
-        World coordinates.
-    outward : (3,) float64
-        A world displacement. Still pictures use only its direction and a distance in pixels.
-    colour : (3,) tuple
+    ``position`` and ``outward`` are (3,) float64 of the world. Still pictures use only the
+    direction of ``outward``, and a distance in pixels.
     """
 
     text: str

@@ -32,14 +32,7 @@ def tubes(
 ) -> Triangles:
     """Return straight tubes from ``starts`` ``(N, 3)`` to ``ends`` ``(N, 3)``, ends closed.
 
-    Parameters
-    ----------
-    starts, ends : (N, 3)
-        Where each tube begins and ends.
-    radius, end_radius : float or (N,)
-        Radius at the start and at the end (the same when None); a tube may end in a point.
-    sides : int
-        Number of flat sides.
+    Radii are float or (N,), at the end the same when None; a tube may end in a point.
     """
     first_ends, last_ends = (np.atleast_2d(np.asarray(p, np.float64)) for p in (starts, ends))
     along = last_ends - first_ends

@@ -15,14 +15,13 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.draw.emission import EYE, LIGHT, Looks, brightest_integral, emission_image, of_integral
 from tomo.draw.figures import raised, with_unit
 from tomo.draw.frame import EYE as RIG_EYE
-from tomo.draw.frame import UP, Up
+from tomo.draw.frame import UP, Up, Viewpoint
 from tomo.draw.page import embedded, script_safe, small_png
 from tomo.draw.raster import render
 from tomo.draw.scene import ColourScale, Label, Mesh, Scene, css
 from tomo.draw.shapes import box_corners
-from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume.isosurface import LEVELS, coarsened, finite, reference_value
-from tomo.draw.volume.maps import MAP
+from tomo.draw.volume.planes import MAP
 from tomo.grid import Volume, VoxelGrid
 
 RAYS, RAY_COLOUR = "clicked rays", "#ff5fc4"
@@ -57,10 +56,6 @@ class Shown:
         On one grid.
     moments : sequence of (label, position)
         For each frame of a film; the position along the time axis is 0 to 1.
-    looks : Looks
-        What is shown at first.
-    up : Up
-        Which axis points upward.
     whole : VoxelGrid, optional
         The grid of the volumes before they were made coarser.
     scale : (float, float), optional
@@ -113,12 +108,10 @@ def stage(
 
     Parameters
     ----------
-    scene : Scene
     up : Up, optional
         Which axis points upward; that of ``shown`` when None.
     grid : VoxelGrid, optional
         Adds buttons that show the whole scene or the box alone, where there is more.
-    shown : Shown, optional
     moments : sequence of (label, position)
         Of a film, in place of those of ``shown``: of images alone, or of frames fetched later.
     visible : sequence of str
@@ -165,7 +158,9 @@ def stage(
         "zooms": zooms,
         "zoom": len(zooms) - 1 if close_up else 0,
         "volume": volume,
-        "palettes": {name: _palette(name) for name in _colours(shown)} if shown else {},
+        "palettes": {name: _palette(name) for name in (shown.looks.colours, *COLOUR_MAPS)}
+        if shown
+        else {},
         "moments": [{"label": label, "at": at} for label, at in moments],
         "origin": origin.tolist(),
         "unit": scene.length_unit,
@@ -213,11 +208,6 @@ def scale_of(frames: Iterable[Volume], up: Up) -> tuple[float, float]:
 def in_steps(frame: NDArray, highest: float) -> NDArray[np.uint8]:
     """Return a volume as a page holds it: 255 steps from zero to the largest value."""
     return np.clip(np.round(frame * (255 / highest)), 0, 255).astype(np.uint8)
-
-
-def _colours(shown: Shown) -> list[str]:
-    """Return the colour maps to choose from, that of the page first."""
-    return list(dict.fromkeys((shown.looks.colours, *COLOUR_MAPS)))
 
 
 def _layers(

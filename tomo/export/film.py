@@ -7,7 +7,7 @@ from pathlib import Path
 
 from rigs.files import atomic_path
 from tomo.draw.emission import brightest_integral
-from tomo.draw.film.film_picture import FilmPicture
+from tomo.draw.film import FilmPicture
 from tomo.draw.frame import UP
 from tomo.export.export import Frames
 

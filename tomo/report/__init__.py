@@ -9,7 +9,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "artist": ["Artist"],
         "outcome_files": ["write_outcome"],
         "report": ["write_report"],
-        "series_outcome": ["series_report", "write_series_outcome"],
+        "series": ["series_report", "write_series_outcome"],
         "pictures": ["Picture", "draw", "write_pictures"],
     },
 )

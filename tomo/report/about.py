@@ -15,16 +15,9 @@ from tomo.solvers.methods import METHODS, NONE
 
 @dataclass(frozen=True)
 class About:
-    """What only the writer of an outcome knows.
+    """What only the writer of an outcome knows: its folder, what was typed, files beside the page.
 
-    Attributes
-    ----------
-    folder : Path
-        Where the outcome is written.
-    command : str
-        What was typed; empty from Python.
-    files : sequence of str
-        Names of the files beside the page.
+    ``command`` is empty from Python.
     """
 
     folder: Path

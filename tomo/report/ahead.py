@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -10,7 +9,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rigs.files import atomic_path
+from rigs.files.text import write_json
 from rigs.progress import Progress
 from tomo.draw.figures import png_bytes
 from tomo.pipeline import Reconstruction
@@ -28,22 +27,15 @@ from tomo.report.outcome_files import (
 from tomo.report.pictures import Picture, write_pictures
 
 _FIGURES = ("matplotlib.backends.backend_agg", "tomo.draw.volume.visualize")
-_SCENES = ("tomo.draw.rig.visualize", "tomo.draw.write_html", "tomo.report.pictures")
+_SCENES = ("tomo.draw.rig.visualize", "tomo.draw.writers", "tomo.report.pictures")
 """Modules that take long to load: those that figures need, and those that scenes need beside."""
 
 
 class Ahead:
     """Writes into a folder what `tomo.reconstruct` gives ``early``, and says so.
 
-    Parameters
-    ----------
-    folder : path-like
-    say : callable
-        Called with lines, from any thread.
-    artist : Artist, optional
-        Who draws; no pictures are drawn when None.
-    keep : callable, optional
-        Called with words on what an interrupted run leaves.
+    ``say`` is called with lines, from any thread, ``keep`` with words on what an interrupted run
+    leaves. No pictures are drawn without an ``artist``.
     """
 
     def __init__(
@@ -72,9 +64,7 @@ class Ahead:
         """Write and say a preview; return what its picture is waited for by, if one is drawn."""
         volume, figures, _ = (self.folder / name for name in PREVIEW_FILES)
         write_with_units(volume, outcome.volume, allow_nan=True)
-        with atomic_path(figures) as temporary:
-            text = json.dumps(outcome.report(), indent=2, allow_nan=False) + "\n"
-            temporary.write_text(text, "utf-8")
+        write_json(figures, outcome.report(), indent=2)
         self.say(outcome.answer.sentence)
         self._complete(volume.name, outcome, "a preview")
         if self.artist is None:

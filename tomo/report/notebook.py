@@ -1,4 +1,4 @@
-"""A reconstruction as notebooks show it: verdict, middle planes, figures, warnings."""
+"""A scan and a reconstruction as notebooks show them."""
 
 from __future__ import annotations
 
@@ -6,16 +6,24 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from rigs.notebook import facts, framed, times
+from rigs.notebook import facts, framed, some, times
 from tomo.draw.figures import png_bytes
-from tomo.draw.page import embedded
+from tomo.draw.page import embedded, png_of
+from tomo.draw.rig.thumbnails import load_thumbnails
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.view import peak_in_words, with_unit
 from tomo.report.facts import number_text
 from tomo.report.result_figures import draw_deviations
+from tomo.scan import Scan
 
 _DPI = 90  # of the picture: a hundred kilobytes at most
 _COLOURS = {"green": "#1a6b2d", "amber": "#8a5000", "red": "#a1201a"}
+
+
+MOST = 8
+"""Cameras that are shown: a row of a notebook."""
+
+_TALLEST = 96  # pixels of a thumbnail
 
 
 def reconstruction_html(outcome: Reconstruction) -> str:
@@ -84,3 +92,35 @@ def _warnings(report: Mapping[str, Any]) -> str:
     count = len(report["warnings"])
     words = f"{count} warning{'s' if count > 1 else ''}"
     return f'<details><summary>{words}</summary><ul style="max-width:52em">{lines}</ul></details>'
+
+
+def scan_html(scan: Scan) -> str:
+    """Return what a notebook shows of a scan; images that cannot be read are named instead."""
+    from PIL import Image
+
+    names = scan.rig.names[:MOST]
+    sizes = sorted({camera.image_size for camera in scan.rig})
+    rows: list[tuple[str, object]] = [
+        ("cameras", some(scan.rig.names)),
+        ("frames", some(scan.frame_names)),
+        ("images", some([f"{times(size)} pixels" for size in sizes])),
+    ]
+    if scan.grid is not None:
+        unit = scan.rig.length_unit
+        rows.append(("voxels", f"{times(scan.grid.shape)} of {times(scan.grid.spacing)} {unit}"))
+    rows.append(("truth", "known" if scan.truth is not None else "not known"))
+    if scan.source is not None:
+        rows.append(("source", scan.source))
+    try:
+        pictures = load_thumbnails(scan.rig, scan.only(*names), longest=_TALLEST)
+    except (ValueError, OSError) as error:
+        rows.append(("not readable", " ".join(str(error).split())))
+        pictures = {}
+    figures = "".join(
+        '<figure style="display:inline-block;margin:0 6px 4px 0;text-align:center">'
+        f'<img alt="{escape(name)}" src="{embedded(png_of(Image.fromarray(one)))}">'
+        f'<figcaption style="font-size:.75em;opacity:.75">{escape(name)}</figcaption></figure>'
+        for name, one in pictures.items()
+    )
+    count = f"{len(scan.frames)} frame{'s' if len(scan.frames) != 1 else ''}"
+    return framed(f"Scan of {count} by {len(scan.rig)} cameras", figures, facts(rows))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
@@ -12,13 +11,14 @@ from typing import Any, Self
 
 from rigs import save_rig
 from rigs.files import whole_folder
+from rigs.files.text import write_json
 from tomo.draw.frame import UP
 from tomo.draw.rig.rig_scene import up_of
-from tomo.draw.rig.targets import target_scene
+from tomo.draw.rig.surroundings import target_scene
 from tomo.draw.rig.visualize import RigPage
 from tomo.draw.scene import Scene
 from tomo.draw.stage import Shown, stage
-from tomo.draw.write_html import write_page
+from tomo.draw.writers import write_page
 from tomo.grid.volume import Volume
 from tomo.io import write_volume
 from tomo.pipeline import Reconstruction
@@ -28,15 +28,7 @@ from tomo.report.pictures import Picture, draw, write_pictures
 from tomo.report.report import write_report
 from tomo.report.result_figures import seen_volume
 
-PICTURES = (
-    "rig",
-    "flame",
-    "convergence",
-    "difference",
-    "learned",
-    "intervals",
-    "condition",
-)
+PICTURES = ("rig", "flame", "convergence", "difference", "learned", "intervals", "condition")
 
 RIG_FILE = "refined_rig.yaml"
 """The rig with its refined cameras, where there are any; a scan's own is its ``rig.yaml``."""
@@ -138,8 +130,7 @@ def write_outcome(
         write_report(staging / PAGE, report, outcome, shown.pictures, about, shown.turned)
         if outcome.refined_rig is not None:
             save_rig(outcome.refined_rig, staging / RIG_FILE)
-        text = json.dumps(report, indent=2, allow_nan=False) + "\n"
-        (staging / FIGURES).write_text(text, "utf-8")
+        write_json(staging / FIGURES, report, indent=2)
     return report
 
 

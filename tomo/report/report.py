@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Mapping, Sequence
 
-from rigs.files import atomic_path
+from rigs.files.text import write_text
 from tomo.draw.page import embedded, render
 from tomo.metrics import cosine_distance, nrmse
 from tomo.pipeline import Reconstruction
@@ -18,14 +18,14 @@ from tomo.report.facts import (
     as_sentence,
     detail_tables,
     number_text,
+    size_in_words,
     verdict_part,
+    with_glossary,
     without_nulls,
 )
-from tomo.report.glossary import with_glossary
-from tomo.report.pictures import Picture, draw
+from tomo.report.pictures import Picture, draw, view_pictures
 from tomo.report.result_figures import method_of
 from tomo.report.uncertainty_tables import coverage_table, trust_figures
-from tomo.report.view_pictures import view_pictures
 
 _TITLES = {
     "rig": "Cameras and volume",
@@ -69,7 +69,7 @@ def write_report(
     about : About, optional
         Where it is written and how it came about.
     stage : mapping, optional
-        Of the volume to be turned, see `volume_stage`; without, the page shows none.
+        Of the volume to be turned, see `tomo.draw.stage.stage`; without, the page shows none.
     """
     report, unit = without_nulls(report), outcome.rig.length_unit
     pictures = draw(outcome) if pictures is None else pictures
@@ -107,21 +107,15 @@ def write_report(
         run=_run(report),
         details=detail_tables(report),
     )
-    with atomic_path(path) as temporary:
-        temporary.write_text(with_glossary(text), encoding="utf-8")
+    write_text(path, with_glossary(text))
 
 
 def _about(report: Mapping, outcome: Reconstruction) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
-    grid, unit = outcome.solution.grid, outcome.rig.length_unit
-    size, voxels = (" × ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
     used = sum(view.takes_part for view in outcome.views) or len(outcome.rig)
     frame = (report.get("scan") or {}).get("frame")
-    return (
-        f"Emission in {size} {unit} ({voxels} voxels) from {used} camera"
-        f"{'s' if used != 1 else ''}"
-        + (f", frame {str(frame).removeprefix('frame_')}." if frame else ".")
-    )
+    words = size_in_words(outcome.solution.grid, outcome.rig.length_unit, used)
+    return words + (f", frame {str(frame).removeprefix('frame_')}." if frame else ".")
 
 
 Rows = list[tuple[str, str, str]]
@@ -130,17 +124,19 @@ Rows = list[tuple[str, str, str]]
 
 def _against_truth(report: Mapping) -> Rows:
     quality = report.get("quality") or {}
-    rows = []
-    if "nrmse" in quality:
-        words = "Root mean square of the error over that of the true volume. Good: below 0.1."
-        rows.append((number_text(quality["nrmse"]), "error (NRMSE)", words))
-    if "cosine_distance" in quality:
-        words = "Difference in shape alone: 0 is equal up to brightness. Good: below 0.01."
-        rows.append((number_text(quality["cosine_distance"]), "cosine distance", words))
-    if "total_ratio" in quality:
-        words = "All light of the volume over that of the true one. Good: 1."
-        rows.append((number_text(quality["total_ratio"], 4), "total over the true total", words))
-    return rows
+    figures = (
+        ("nrmse", 3, "error (NRMSE)",
+         "Root mean square of the error over that of the true volume. Good: below 0.1."),
+        ("cosine_distance", 3, "cosine distance",
+         "Difference in shape alone: 0 is equal up to brightness. Good: below 0.01."),
+        ("total_ratio", 4, "total over the true total",
+         "All light of the volume over that of the true one. Good: 1."),
+    )  # fmt: skip
+    return [
+        (number_text(quality[key], digits), name, words)
+        for key, digits, name, words in figures
+        if key in quality
+    ]
 
 
 def _held_out(report: Mapping) -> Rows:
@@ -240,19 +236,16 @@ def _order(view: View) -> tuple[bool, float]:
     return view.takes_part, -view.beyond_noise if math.isfinite(view.beyond_noise) else 0.0
 
 
-def _comparison_rows(outcome: Reconstruction) -> list[tuple[str, str, str]]:
+def _comparison_rows(outcome: Reconstruction) -> list[tuple[str, ...]]:
     """Return cosine distance and NRMSE of every volume, where several have a truth."""
     truth = outcome.truth
     if truth is None or not outcome.comparisons:
         return []
-    return [
-        (
-            method_of(one),
-            number_text(cosine_distance(one.volume, truth)),
-            number_text(nrmse(one.volume, truth)),
-        )
-        for one in (outcome.solution, *outcome.comparisons)
-    ]
+    rows = []
+    for one in (outcome.solution, *outcome.comparisons):
+        apart = (number_text(measure(one.volume, truth)) for measure in (cosine_distance, nrmse))
+        rows.append((method_of(one), *apart))
+    return rows
 
 
 def _refinement(report: Mapping, length_unit: str) -> dict | None:

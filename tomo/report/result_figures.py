@@ -100,18 +100,8 @@ def draw_deviations(
 ) -> Figure:
     """Return the middle planes of a volume and, beside them, of its standard deviation, if any.
 
-    Parameters
-    ----------
-    volume : Volume
-    deviation : (nx, ny, nz), optional
-        In the volume's unit; it has a colour scale of its own.
-    title : str
-        The name of ``deviation``.
-
-    Raises
-    ------
-    ValueError
-        If a shape is not the grid's.
+    ``deviation`` ``(nx, ny, nz)`` in the volume's unit has a colour scale of its own, and the
+    ``title``.
     """
     shown = [("Emission", volume)]
     if deviation is not None:
@@ -125,14 +115,7 @@ def draw_deviations(
 
 
 def draw_learned(learned: LearnedWeights, length_unit: str) -> Figure:
-    """Return a figure of the mean relative weights, and of left-out pixels' residuals.
-
-    Parameters
-    ----------
-    learned : LearnedWeights
-    length_unit : str
-        The grid's unit.
-    """
+    """Return a figure of the mean relative weights, and of left-out pixels' residuals."""
     figure = new_figure(10.4, 3.0)
     figure.set_layout_engine("constrained")
     *panels, last = figure.subplots(1, len(learned.profiles) + 1)

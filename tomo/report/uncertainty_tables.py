@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import Any
 
 from tomo.draw.figures import raised
@@ -145,13 +145,7 @@ def coverage_table(condition: Mapping | None) -> dict[str, Any] | None:
     """Return how many voxels are seen by how many views; None where it is not known."""
     if not condition:
         return None
-    rows = _by_views(condition["voxels"])
-    return {"titles": ("Views", "voxels that may emit", "voxels that do"), "rows": rows}
-
-
-def _by_views(voxels: Mapping) -> list[tuple[str, str, str]]:
-    """Return views, voxels that may emit and voxels that do, as text."""
-    rows = []
+    voxels, rows = condition["voxels"], []
     totals = [sum(voxels[key].values()) or 1 for key in ("by_views", "emitting_by_views")]
     most = max(map(int, voxels["by_views"]), default=0)
     for first, last in _VIEW_BINS:
@@ -162,10 +156,6 @@ def _by_views(voxels: Mapping) -> list[tuple[str, str, str]]:
         if any(counts):
             last = min(last, most)
             name = str(first) if first == last else f"{first} to {last}"
-            may_emit, emit = _shares(counts, totals)
-            rows.append((name, may_emit, emit))
-    return rows
-
-
-def _shares(counts: Sequence[int], totals: Sequence[int]) -> list[str]:
-    return [f"{n:,} ({n / total:.1%})" for n, total in zip(counts, totals, strict=True)]
+            shares = zip(counts, totals, strict=True)
+            rows.append((name, *(f"{n:,} ({n / total:.1%})" for n, total in shares)))
+    return {"titles": ("Views", "voxels that may emit", "voxels that do"), "rows": rows}

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from rigs.files import atomic_path
+from rigs.files.text import write_text
 from rigs.notebook import times
 from tomo import metrics
 from tomo.draw.emission import COLOURS
@@ -27,15 +27,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class VolumeComparison:
-    """Two volumes on the grid of the first.
+    """Two volumes on the grid of the first, zero where one of them is NaN.
 
-    Attributes
-    ----------
-    first, second : Volume
-        On one grid; zero where one of them is NaN.
-    names : (str, str)
-    notes : tuple of str
-        What was done to make them comparable, and what is not comparable.
+    ``notes`` are what was done to make them comparable, and what is not comparable.
     """
 
     first: Volume
@@ -132,13 +126,8 @@ class VolumeComparison:
         scale = ColourScale(with_unit("emission", unit), low, high, COLOURS)
         less = ColourScale(with_unit("difference", unit), -spread, spread, "RdBu_r")
         first, second = (name if len(name) < 24 else f"…{name[-22:]}" for name in self.names)
-        return draw_slices(
-            [
-                Slices(first, self.first, scale),
-                Slices(second, self.second, scale),
-                Slices("difference", difference, less),
-            ]
-        )
+        shown = (first, self.first, scale), (second, self.second, scale)
+        return draw_slices([Slices(*one) for one in (*shown, ("difference", difference, less))])
 
     def write(self, path: str | os.PathLike) -> None:
         """Write a page that needs no other file and no network."""
@@ -181,8 +170,7 @@ class VolumeComparison:
                 for key in "ab"
             ],
         )
-        with atomic_path(path) as temporary:
-            temporary.write_text(page, "utf-8")
+        write_text(path, page)
 
 
 def _figure(metric: Callable, *pair: Any) -> float | None:

@@ -18,7 +18,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "content_of_rig",
             "content_of_volume",
         ],
-        "showing": ["content_of", "show"],
-        "viewer": ["Viewer"],
+        "showing": ["content_of", "show", "Viewer"],
     },
 )

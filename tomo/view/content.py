@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rigs import Rig
 from tomo.draw.frame import Up
@@ -14,19 +16,62 @@ from tomo.draw.rig.rig_scene import grid_of, up_of
 from tomo.grid import VoxelGrid
 from tomo.operators import LINEAR, Gains
 from tomo.scan import Scan
-from tomo.view.frames import Frames
+
+MOST_BYTES = 256_000_000
+"""Bytes of volumes kept. Lower: going back in a film reads again; higher: memory."""
+
+SCALE_FRAMES = 5
+"""Frames that the common scale of a film is taken from: reading all would take minutes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """The frames of a film, or the one of a still volume.
+
+    ``names`` has one a frame, ``read`` returns the volume ``(nx, ny, nz)`` at a place in them, and
+    ``most_bytes`` of volumes are kept besides the last one.
+    """
+
+    names: tuple[str, ...]
+    read: Callable[[int], NDArray]
+    most_bytes: int = MOST_BYTES
+    _kept: OrderedDict = field(default_factory=OrderedDict, init=False, repr=False)
+
+    def __len__(self) -> int:
+        return len(self.names)
+
+    def volume(self, place: int) -> NDArray[np.float32]:
+        """Return the volume of a frame, 0 where it has no finite value.
+
+        Raises
+        ------
+        ValueError
+            If the frame cannot be read.
+        """
+        kept = self._kept
+        if place not in kept:
+            read = np.ascontiguousarray(self.read(place), np.float32)
+            volume = np.nan_to_num(read, nan=0.0, posinf=0.0, neginf=0.0)
+            while kept and sum(one.nbytes for one in kept.values()) + volume.nbytes > (
+                self.most_bytes
+            ):
+                kept.popitem(last=False)
+            kept[place] = volume
+        kept.move_to_end(place)
+        return kept[place]
+
+    def spread(self) -> Sequence[int]:
+        """Return the places of a few frames spread over the film, the first one last."""
+        count = min(len(self), SCALE_FRAMES)
+        return sorted({round(at) for at in np.linspace(0, len(self) - 1, count)}, reverse=True)
 
 
 @dataclass(frozen=True)
 class Model:
     """How a reconstruction said that images come from its volume.
 
-    Attributes
-    ----------
-    is_linear : bool
-        Whether emission is linear between the centres of voxels, rather than constant in each.
-    gain, offset : mapping
-        Camera to the gain and the background of its images; 1 and 0 where none is known.
+    Emission ``is_linear`` between the centres of voxels, or constant in each; ``gain`` and
+    ``offset`` are those of a camera's images, 1 and 0 where none is known.
     """
 
     is_linear: bool = False
@@ -55,21 +100,14 @@ class Content:
 
     Attributes
     ----------
-    title : str
     rig : Rig, optional
         The cameras, as the volume was reconstructed by them.
-    grid : VoxelGrid, optional
     frames : Frames, optional
         The volumes on the grid.
     scan : Scan, optional
         What the cameras measured; its rig is ``rig``, at the size of its images.
     moments : tuple of str
         The name in the scan of each frame.
-    value_unit : str
-        Of the volumes; empty if unknown.
-    length_unit : str
-    model : Model
-        How images come from the volume.
     residual : callable, optional
         From a camera's name and a frame's place to the relative residual on record, or None.
     notes : tuple of str

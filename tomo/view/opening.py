@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from rigs import Rig, load_rig
-from tomo.draw.volume.given import volume_of
+from tomo.draw.volume.visualize import volume_of
 from tomo.grid import Volume, VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.pipeline import Reconstruction
@@ -22,8 +22,7 @@ from tomo.scan.files import scan_again
 from tomo.series.layout import FORMAT
 from tomo.series.store import SeriesStore
 from tomo.series.verdict import SeriesTable
-from tomo.view.content import Content, Model
-from tomo.view.frames import Frames
+from tomo.view.content import Content, Frames, Model
 
 HOW = "--scan SCAN, or --rig and --images, name it"
 
@@ -31,11 +30,7 @@ HOW = "--scan SCAN, or --rig and --images, name it"
 def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
     """Return the content of a folder that ``flametomo reconstruct -o FOLDER`` wrote.
 
-    Parameters
-    ----------
-    folder : Path
-    scan : Scan, optional
-        The scan it was made from; the one that ``report.json`` names when None.
+    The scan is the one that ``report.json`` names when None.
 
     Raises
     ------
@@ -51,14 +46,7 @@ def content_of_outcome(folder: Path, scan: Scan | None = None) -> Content:
 
 
 def content_of_result(result: Reconstruction, scan: Scan | None = None) -> Content:
-    """Return the content of a reconstruction in memory.
-
-    Parameters
-    ----------
-    result : Reconstruction
-    scan : Scan, optional
-        The scan it was made from; the file it came from when None.
-    """
+    """Return the content of a reconstruction in memory, and the scan it came from."""
     own, refined = volume_of(result), result.refined_rig
     return _content_of_report(
         "reconstruction", own, result.report(), refined, result.rig, scan, Path()
@@ -110,7 +98,9 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
         If it is no store or has no complete frame, or the scan does not have its frames.
     """
     if _is_volume_film(path):
-        return _content_of_volume_film(path)
+        film = VolumeFilm(path)
+        frames = Frames(tuple(f"frame {n}" for n in range(film.n_frames)), film.read)
+        return Content(path.stem, None, film.grid, frames, length_unit=film.length_unit)
     store = SeriesStore(path)
     about = store.attributes
     store.check_present(range(store.n_frames))
@@ -159,9 +149,9 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
     )
 
 
-def content_of_volume(path: Path, **grid: Any) -> Content:
-    """Return the content of a volume file; ``grid`` is for a .npy, which has none of its own."""
-    data, voxels, length_unit, value_unit = read_volume_with_unit(path, allow_nan=True, **grid)
+def content_of_volume(path: Path) -> Content:
+    """Return the content of a volume file with its own grid."""
+    data, voxels, length_unit, value_unit = read_volume_with_unit(path, allow_nan=True)
     frames = Frames((path.stem,), lambda place: data)
     return Content(path.stem, None, voxels, frames, value_unit=value_unit, length_unit=length_unit)
 
@@ -272,10 +262,3 @@ def _is_volume_film(path: Path) -> bool:
     except (OSError, ValueError, KeyError, TypeError):
         return False
     return found != FORMAT
-
-
-def _content_of_volume_film(path: Path) -> Content:
-    film = VolumeFilm(path)
-    names = tuple(f"frame {number}" for number in range(film.n_frames))
-    frames = Frames(names, film.read)
-    return Content(path.stem, None, film.grid, frames, length_unit=film.length_unit)

@@ -14,8 +14,11 @@ from tomo.draw.rig.thumbnails import image_scene, load_thumbnails, symbol_values
 from tomo.draw.scene import Scene
 from tomo.draw.stage import HIDDEN_AT_FIRST, Shown, fitting, in_steps, scale_of, stage
 from tomo.grid import Volume
-from tomo.report.view_pictures import view_pictures
-from tomo.view.comparison import compare
+from tomo.operators import LinearSystem
+from tomo.operators.system import VolumeNotSeenError
+from tomo.pipeline.evaluate import views_of
+from tomo.pipeline.view import View
+from tomo.report.pictures import view_pictures
 from tomo.view.content import Content
 
 HIDDEN = (*HIDDEN_AT_FIRST, "sight lines", "names", "arrows")
@@ -23,17 +26,7 @@ HIDDEN = (*HIDDEN_AT_FIRST, "sight lines", "names", "arrows")
 
 
 class Page:
-    """A content as the page shows it.
-
-    Parameters
-    ----------
-    content : Content
-
-    Raises
-    ------
-    ValueError
-        If the first frame or its images cannot be read.
-    """
+    """A content as the page shows it; it raises if the first frame cannot be read."""
 
     def __init__(self, content: Content) -> None:
         self.content = content
@@ -138,3 +131,26 @@ class Page:
         elif content.rig is not None:
             notes.append(f"{len(content.rig)} cameras")
         return [*notes, *content.notes]
+
+
+def compare(content: Content, camera: str, place: int) -> View:
+    """Return a camera's image of a moment beside the line integrals of the volume.
+
+    The content's model holds the basis, gains and backgrounds of the volume; without a volume the
+    re-projected image is dark. One ray goes through each pixel's middle. Blur, absorption and
+    learned weights of a reconstruction are not applied: see the residual on record.
+    """
+    assert content.scan is not None  # contents without one offer no camera to compare
+    own = content.scan.only(camera)
+    images, masks = own.read(content.moments[place])
+    dark = View(camera, images[0], np.zeros_like(images[0]), masks[0])
+    if content.frames is None:
+        return dark
+    try:
+        system = LinearSystem.from_rig(own.rig, content.grid, masks=masks, form="on-the-fly")
+    except VolumeNotSeenError:
+        return dark
+    if content.model.is_linear:
+        system = system.with_linear_basis().on_voxel_means
+    gains = content.model.gains_of(camera)
+    return views_of(system, content.frames.volume(place), images, masks, gains)[0]

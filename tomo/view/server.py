@@ -18,7 +18,6 @@ PORT = 8080
 
 _OWN = r"(127\.0\.0\.1|localhost|\[::1\])(:\d+)?"
 _HOSTS, _ORIGINS = re.compile(_OWN), re.compile(rf"https?://{_OWN}")
-_PORTS = 1000  # tried, one after the other
 _HEADERS = {
     "Cache-Control": "no-store",
     "Content-Security-Policy": "frame-ancestors 'self' http://127.0.0.1:* http://localhost:*",
@@ -33,17 +32,8 @@ Answer = Callable[..., "bytes | str | dict[str, Any]"]
 class LocalServer(ThreadingHTTPServer):
     """A server at the first free port of 127.0.0.1 from a number on.
 
-    Parameters
-    ----------
-    answers : mapping of str to callable
-        From a path's pattern, which a whole path has to match, to what makes the answer of the
-        numbers in it: a page, bytes, or a mapping sent as JSON.
-    port : int
-
-    Raises
-    ------
-    ValueError
-        If no port is free among a thousand, or ``port`` is none.
+    ``answers`` leads from a path's pattern, which a whole path has to match, to what makes the
+    answer of the numbers in it: a page, bytes, or a mapping sent as JSON.
 
     Notes
     -----
@@ -61,7 +51,7 @@ class LocalServer(ThreadingHTTPServer):
         # one at a time: kernels use all cores, and not all kinds of threads may share them
         self.turn = threading.Lock()
         self.answers = {re.compile(pattern): answer for pattern, answer in answers.items()}
-        for number in range(port, min(port + _PORTS, 65536)):
+        for number in range(port, 65536):
             try:
                 super().__init__((HOST, number), _Handler)
                 return

@@ -12,10 +12,10 @@ from scipy.spatial.transform import Rotation
 import rigs
 from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.targets import Chessboard
-from tomo.draw.calibration import write_calibration_page
-from tomo.draw.calibration.calibration_figures import draw_worst, worst_images
+from tomo.draw import write_calibration_page
 from tomo.draw.figures import png_bytes
-from tomo.draw.rig.targets import calibration_targets
+from tomo.draw.rig.calibration_figures import draw_worst, worst_images
+from tomo.draw.rig.surroundings import calibration_targets
 
 BOARD = Chessboard(6, 5, 22.0)
 FRAMES = 10

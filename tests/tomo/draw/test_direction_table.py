@@ -3,7 +3,7 @@ import pytest
 
 from rigs import Camera, Distortion, RayTable, look_at
 from rigs.scene import Mirror, Scene, SceneCamera
-from tomo.draw.rig.direction_table import DirectionTable
+from tomo.draw.rig.camera_view import DirectionTable
 
 BROWN = Distortion("brown", (-0.25, 0.08, 1e-3, -2e-3, 0.01))
 
@@ -32,13 +32,6 @@ def test_directions_are_the_camera_s_to_a_twentieth_of_a_pixel(distortion, focal
     assert (table.directions(uv) * true).sum(axis=1).min() > 0
     assert off.max() * 1.1 * focal < 0.06
     np.testing.assert_allclose(np.linalg.norm(table.directions(uv), axis=1), 1)
-
-
-def test_a_pinhole_needs_the_smallest_table_and_is_exact():
-    table = DirectionTable.of(camera())
-    assert table.nodes.shape == (4, 4, 3)
-    uv = np.random.default_rng(1).uniform(-0.5, [799.5, 599.5], (100, 2))
-    np.testing.assert_allclose(table.directions(uv), camera().rays(uv)[1], atol=1e-13)
 
 
 def test_where_the_lens_maps_nothing_there_is_no_direction():

@@ -50,20 +50,13 @@ def test_from_afar_the_light_of_all_pixels_is_the_total_emission():
     around = (GRID.centers() - GRID.center) / GRID.extent
     data = np.exp(-((around * 6) ** 2).sum(axis=-1)).astype(np.float32)
     viewpoint = eye_of(GRID, (200, 200))
-    found = (
-        emission_image(Volume(data, GRID), viewpoint).sum() * viewpoint.pixel_at(GRID.center) ** 2
+    light = emission_image(Volume(data, GRID), viewpoint).sum()
+    assert light * viewpoint.pixel_at(GRID.center) ** 2 == pytest.approx(
+        data.sum() * np.prod(GRID.spacing), rel=0.02
     )
-    assert found == pytest.approx(data.sum() * np.prod(GRID.spacing), rel=0.02)
 
 
-def test_what_is_not_finite_is_dark():
-    data = np.full(GRID.shape, np.nan)
-    data[0] = np.inf
-    assert (emission_image(Volume(data, GRID), eye_of(GRID, (20, 20))) == 0).all()
-    assert brightest_integral(Volume(np.zeros(GRID.shape), GRID), Up()) == 1
-
-
-@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (30, 140, 30), (200, 200, 60)])
+@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (30, 140, 30)])
 @pytest.mark.parametrize("up", UPS)
 def test_colours_end_little_above_what_is_seen_of_flat_volumes_too(shape, up):
     grid = VoxelGrid(shape, 1.0)

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 
 from tomo.draw import Scene
-from tomo.draw.film.chart import BINS, HIGH, WIDE, chart, polylines
-from tomo.draw.film.visualize import MOST_FRAMES, film_of
-from tomo.draw.scene import ColourScale
+from tomo.draw.chart import BINS, HIGH, WIDE, chart, polylines
+from tomo.draw.film import MOST_FRAMES, film_of
 from tomo.draw.stage import MOST_VOXELS, fitting, stage
 from tomo.draw.volume.isosurface import reference_value
 from tomo.grid import Volume, VoxelGrid
@@ -45,13 +44,6 @@ def test_every_frame_has_its_own_volume_on_one_scale(film):
     assert [one["label"] for one in film["moments"]] == [f"frame {time}" for time in range(6)]
 
 
-def test_the_page_has_the_colours_of_the_scale(film):
-    expected = ColourScale("", 0, 1, "inferno")(np.linspace(0, 1, 256))
-    found = numbers(film["volume"]["colours"]).reshape(256, 3)
-    np.testing.assert_allclose(found / 255, expected, atol=0.5 / 255 + 1e-9)
-    assert film["volume"]["quantity"] == "emission (W/m³)"
-
-
 def test_voxels_that_nobody_sees_are_dark():
     volume = Volume(np.full(GRID.shape, np.nan, np.float32), GRID)
     data = json.loads(stage(Scene(), shown=film_of([("a", 0.0, volume)], 1))["data"])
@@ -66,11 +58,6 @@ def test_a_film_of_large_volumes_fits_into_a_page(shape):
     coarse = fitting(Volume(volume, grid), MOST_FRAMES).grid
     assert MOST_FRAMES * coarse.size <= MOST_VOXELS
     assert 4 * MOST_FRAMES * coarse.size >= MOST_VOXELS / 8  # and no coarser than that
-
-
-def test_a_film_without_a_frame_is_refused():
-    with pytest.raises(ValueError, match="film: found no frame"):
-        film_of([], 0)
 
 
 def test_curves_have_few_points_and_lose_no_extreme():

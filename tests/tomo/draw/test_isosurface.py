@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from tomo.draw import Mesh
 from tomo.draw.volume import coarsened, isosurface, isosurface_scene
 from tomo.grid import Volume, VoxelGrid
 
@@ -22,13 +21,6 @@ def test_surface_of_a_gaussian_is_a_sphere_of_the_right_radius_and_place():
     distances = np.linalg.norm(vertices - MIDDLE, axis=1)
     np.testing.assert_allclose(distances, radius, rtol=0.02)
     assert len(triangles) > 500
-
-
-def test_normals_look_outward():
-    vertices, triangles = isosurface(ball(), GRID, 0.5)
-    normals = Mesh("", "", vertices, triangles, (0, 0, 0)).normals()
-    outward = (vertices - MIDDLE) / np.linalg.norm(vertices - MIDDLE, axis=1, keepdims=True)
-    assert (normals * outward).sum(axis=1).min() > 0.9
 
 
 def test_a_volume_that_touches_the_box_is_closed_at_its_faces():

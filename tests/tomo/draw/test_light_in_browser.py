@@ -9,7 +9,7 @@ import pytest
 
 from tomo.draw import Scene, visualize_volume, write_html
 from tomo.draw.emission import Looks, emission_image, eye_of
-from tomo.draw.film.visualize import film_of
+from tomo.draw.film import film_of
 from tomo.draw.frame import Up
 from tomo.draw.stage import Shown
 from tomo.grid import Volume, VoxelGrid

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import tomo
-from tomo.draw import light_row, visualize_volume
+from tomo.draw import light_row
 
 GRID = tomo.VoxelGrid((8, 12, 8), 0.5)
 
@@ -45,10 +45,3 @@ def test_the_scale_bar_is_as_long_as_it_says(axes):
 def test_what_does_not_fit_is_named(axes, volumes, named):
     with pytest.raises(ValueError, match=named):
         light_row(axes, volumes, GRID)
-
-
-def test_a_volume_brings_its_grid_to_every_picture(tmp_path):
-    volume = tomo.Volume(np.ones(GRID.shape, np.float32), GRID)
-    visualize_volume(tmp_path / "volume.png", volume)
-    with pytest.raises(ValueError, match="other grid"):
-        visualize_volume(tmp_path / "volume.png", volume, tomo.VoxelGrid((8, 12, 8), 1.0))

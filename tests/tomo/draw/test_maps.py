@@ -10,14 +10,14 @@ from rigs.check.rig_check import lattice
 from tomo.draw import Scene, Viewpoint, write_glb
 from tomo.draw.figures import save_figure
 from tomo.draw.raster import render
-from tomo.draw.rig.coverage_maps import (
+from tomo.draw.rig.rig_page import (
     coverage_maps,
     coverage_scene,
     draw_coverage,
 )
-from tomo.draw.rig.targets import target_scene
+from tomo.draw.rig.surroundings import target_scene
 from tomo.draw.scene import ColourScale
-from tomo.draw.volume.maps import lattice_triangles, map_scene
+from tomo.draw.volume.planes import lattice_triangles, map_scene
 from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((5, 8, 6), (1.0, 0.5, 2.0), (1.0, 2.0, 3.0))
@@ -42,12 +42,6 @@ def test_a_lattice_is_covered_once():
     areas = np.cross(np.pad(b - a, ((0, 0), (0, 1))), np.pad(c - a, ((0, 0), (0, 1))))[:, 2] / 2
     assert np.abs(areas).sum() == 18
     assert len(set(np.sign(areas))) == 1
-
-
-def test_a_flat_box_has_the_planes_it_can():
-    flat = VoxelGrid((5, 1, 6), 1.0)
-    scene = map_scene(Volume(np.ones(flat.shape), flat), "m", ColourScale("m", 0, 2))
-    assert len(scene.meshes) == 1
 
 
 def test_a_scale_spans_what_there_is():

@@ -8,8 +8,7 @@ from rigs.check import check_rig
 from tomo.draw import Scene, write_html
 from tomo.draw.rig import rig_scene
 from tomo.draw.rig.camera_view import camera_views
-from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene
-from tomo.draw.rig.rig_page import check_table
+from tomo.draw.rig.rig_page import check_table, coverage_maps, coverage_scene
 from tomo.draw.rig.rig_scene import Target, up_of
 from tomo.draw.rig.thumbnails import image_scene
 from tomo.draw.stage import Shown
@@ -336,7 +335,7 @@ def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
     assert [b[1:3] for b in seen[0]] != [b[1:3] for b in seen[1]]  # they followed the orbit
 
 
-@pytest.mark.parametrize("shape", [(20, 20, 20), (8, 40, 8), (40, 8, 8)])
+@pytest.mark.parametrize("shape", [(8, 40, 8), (40, 8, 8)])
 def test_the_whole_box_is_in_the_pane_at_first_and_after_a_zoom(open_page, tmp_path, shape):
     grid = VoxelGrid(shape, 1.0, (3.0, 0.0, -2.0))
     rig = ring(6, distance=400.0, image_size=(64, 64), footprint=0.5, center=grid.center)

@@ -58,15 +58,3 @@ def test_nearer_hides_farther_and_translucent_lets_it_through():
     light = render(opaque, view)[20, 30, 0]
     seen = render(glass, view)[20, 30]
     np.testing.assert_allclose(seen, [0.25 * light, 0, 0.75 * light], atol=1e-3)
-
-
-def test_edges_are_smooth():
-    scene = Scene((square(0, (0.0, 0.0, 0.0)),))
-    tilted = Viewpoint.framing(scene.bounds, (0.2, 0.1, 1), (0.3, 1, 0), (60, 40))
-    grey = render(scene, tilted, supersample=4)[..., 0]
-    assert ((grey > 0.1) & (grey < 0.9)).sum() > 20
-
-
-def test_an_empty_scene_is_white():
-    scene = Scene((square(0, (0, 0, 0)),))
-    assert (render(Scene(), front(scene)) == 1).all()

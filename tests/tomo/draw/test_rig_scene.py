@@ -4,8 +4,8 @@ import pytest
 from rigs import Camera, Distortion, Rig, look_at
 from rigs.scene import Cylinder, Glass, Mesh, Opaque, Sphere, Window
 from tomo.draw.rig import frustum, rig_scene
-from tomo.draw.rig.rig_scene import Target, border_rays, elevation_of, up_of
-from tomo.draw.rig.solids import triangles_of
+from tomo.draw.rig.rig_scene import Target, border_rays, up_of
+from tomo.draw.rig.surroundings import triangles_of
 from tomo.draw.volume import isosurface_scene
 from tomo.grid import Volume, VoxelGrid
 
@@ -49,13 +49,6 @@ def test_border_that_the_lens_does_not_map_falls_back_inward():
     corner = folded.rays(np.array([[-0.5, -0.5], [width - 0.5, height - 0.5]]))[1]
     assert np.isnan(corner).any()  # else this tests nothing
     assert np.isfinite(border_rays(folded, 3)).all()
-
-
-def test_widening_opens_the_frustum_about_its_axis():
-    seen = camera()
-    narrow, wide = frustum(seen, 10.0), frustum(seen, 10.0, widen=3.0)
-    tip = seen.position + 10.0 * seen.R[2]
-    np.testing.assert_allclose(wide - tip, 3 * (narrow - tip))
 
 
 def test_sight_lines_point_from_the_camera_to_the_target_and_stay_outside_the_box():
@@ -105,17 +98,6 @@ def test_upward_is_what_the_images_show_upward(up):
     positions = [np.add(GRID.center, 70 * way) + np.multiply(20, up) for way in (level, -level)]
     rig = Rig(tuple(camera(f"{i}", p, up=up) for i, p in enumerate(positions)))
     assert up_of(rig).vector.tolist() == list(up)
-
-
-def test_elevation_is_the_angle_above_the_target():
-    position = np.add(GRID.center, [0, 10, 10])
-    rig = Rig((camera(position=position),))
-    assert elevation_of(rig[0], Target.of(rig, GRID), up_of(rig)) == pytest.approx(45)
-
-
-def test_an_empty_rig_is_refused():
-    with pytest.raises(ValueError, match="rig: found no camera"):
-        rig_scene(Rig(()))
 
 
 class Ring:

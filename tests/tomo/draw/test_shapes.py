@@ -47,21 +47,3 @@ def test_box_wires_bound_the_grid_exactly():
     bars = trimesh.Trimesh(vertices, triangles, process=False).split()
     assert len(bars) == 12
     assert all(bar.is_watertight and bar.volume > 0 for bar in bars)
-
-
-def test_box_edges_join_corners_that_differ_along_one_axis():
-    corners = shapes.box_corners([0, 0, 0], [1, 2, 3])
-    lengths = sorted(np.abs(corners[i] - corners[j]).sum() for i, j in shapes.BOX_EDGES)
-    assert lengths == [1] * 4 + [2] * 4 + [3] * 4
-
-
-def test_arrow_reaches_from_start_to_end():
-    vertices, _ = shapes.arrow([0, 0, 0], [0, 5, 0], 0.1)
-    assert vertices[:, 1].min() == pytest.approx(0)
-    assert vertices[:, 1].max() == pytest.approx(5)
-    assert np.hypot(vertices[:, 0], vertices[:, 2]).max() == pytest.approx(0.4)
-
-
-def test_fan_covers_the_polygon():
-    square = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 0], [0, 2, 0]])
-    assert as_trimesh(shapes.fan([1, 1, 0], square)).area == pytest.approx(4)

@@ -6,7 +6,7 @@ import pytest
 import rigs
 import tomo
 from tomo.draw import visualize_check, visualize_film, visualize_rig, visualize_volume
-from tomo.draw.volume.given import volume_of
+from tomo.draw.volume.visualize import volume_of
 from tomo.grid import VoxelGrid
 from tomo.io import data_array, write_volume
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from tomo.draw.emission import EYE, emission_image
-from tomo.draw.frame import Up
+from tomo.draw.frame import Up, Viewpoint
 from tomo.draw.shapes import box_corners
-from tomo.draw.viewpoint import Viewpoint
 from tomo.draw.volume import draw_volume
 from tomo.draw.volume.planes import middle_planes
 from tomo.grid import Volume, VoxelGrid

@@ -51,9 +51,8 @@ def test_glb_is_the_scene_in_metres(tmp_path, volume):
     box = loaded.geometry["box/volume box"]
     np.testing.assert_allclose(box.bounds, scene.only(["box"]).bounds, atol=1e-4)
     assert {"cameras/a", "cameras/b", "cameras/c"} <= set(loaded.graph.nodes_geometry)
-    assert (
-        loaded.geometry["isosurface 15%/15% of the maximum"].visual.material.alphaMode == "BLEND"
-    )
+    outer = loaded.geometry["isosurface 15%/15% of the maximum"]
+    assert outer.visual.material.alphaMode == "BLEND"
 
 
 def normals_in(path):
@@ -133,29 +132,6 @@ def test_no_two_names_overlap_in_the_picture():
         assert not any(one.padded(-1).overlaps(other.padded(-1)) for other in boxes[:i])
 
 
-def test_same_picture_twice_is_the_same_file(tmp_path):
-    for name in ("one.png", "two.png"):
-        save_figure(draw_rig(rig_of("a", "b"), GRID), tmp_path / name)
-    assert (tmp_path / "one.png").read_bytes() == (tmp_path / "two.png").read_bytes()
-
-
-def test_volume_png_is_not_blank(tmp_path, volume):
-    import matplotlib.image
-
-    visualize_volume(tmp_path / "v.png", volume)
-    assert (matplotlib.image.imread(tmp_path / "v.png")[..., 0] < 0.5).mean() > 0.02
-
-
 def test_dark_volume_is_drawn_too(tmp_path):
     visualize_volume(tmp_path / "v.png", np.zeros(GRID.shape), GRID)
     assert (tmp_path / "v.png").stat().st_size > 10_000
-
-
-def test_bad_volumes_are_refused_and_leave_nothing(tmp_path):
-    with pytest.raises(ValueError, match="expected the grid's"):
-        visualize_volume(tmp_path / "v.png", np.zeros((2, 2, 2)), GRID)
-    with pytest.raises(ValueError, match="no finite value"):
-        visualize_volume(tmp_path / "v.png", np.full(GRID.shape, np.nan), GRID)
-    with pytest.raises(ValueError, match="no mesh"):
-        write_glb(tmp_path / "v.glb", Scene())
-    assert list(tmp_path.iterdir()) == []

@@ -2,7 +2,7 @@ import av
 import numpy as np
 import pytest
 
-from tomo.draw.film.film_picture import FilmPicture
+from tomo.draw.film import FilmPicture
 from tomo.export import export_series
 from tomo.grid import Volume, VoxelGrid
 

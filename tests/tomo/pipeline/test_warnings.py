@@ -9,7 +9,7 @@ import pytest
 import yaml
 
 from tomo import Scan, load_scan
-from tomo.cli.corrections import value_of
+from tomo.cli.images import value_of
 from tomo.inference.finding import Finding
 from tomo.operators.view_gains import Gains
 from tomo.pipeline import Options, reconstruct

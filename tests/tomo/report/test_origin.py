@@ -4,7 +4,7 @@ import numpy as np
 
 from tomo.pipeline.view import View
 from tomo.report.about import method_in_words
-from tomo.report.view_pictures import view_pictures
+from tomo.report.pictures import view_pictures
 
 
 def test_pictures_of_many_large_views_stay_small_and_the_worst_is_among_them():

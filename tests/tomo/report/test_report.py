@@ -15,9 +15,9 @@ from tomo.grid import VoxelGrid
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.view import Peak, View
 from tomo.report import draw, write_pictures, write_report
-from tomo.report.glossary import PLACE, with_glossary
+from tomo.report.facts import PLACE, in_words, with_glossary
+from tomo.report.pictures import view_pictures, views_to_show
 from tomo.report.result_figures import draw_convergence, draw_difference
-from tomo.report.view_pictures import view_pictures, views_to_show
 from tomo.solvers import Iteration, Solution
 
 NO_RIG = Rig(())
@@ -146,13 +146,8 @@ def test_report_shows_its_figures(page):
         ([["nnls", 0.5, 1700], ["mlem", 0.0, 20]], "nnls, 0.5, 1,700; mlem, 0, 20"),
     ],
 )
-def test_settings_are_shown_in_words(tmp_path, value, words):
-    volume = np.zeros(GRID.shape, np.float32)
-    report = {"settings": {"found": value}}
-    write_report(tmp_path / "report.html", report, outcome_of(volume))
-    parser = Tags()
-    parser.feed((tmp_path / "report.html").read_text(encoding="utf-8"))
-    assert re.search(rf"found\s+{re.escape(words)}\s", " ".join(parser.text))
+def test_settings_are_shown_in_words(value, words):
+    assert in_words(value) == words
 
 
 def test_the_volume_and_the_verdict_come_first_then_steps_findings_and_tables(page):
@@ -244,23 +239,10 @@ def test_report_does_with_little(tmp_path):
 
 def test_pictures_are_written_as_they_are_shown(tmp_path, pictures):
     paths = write_pictures(tmp_path / "new", pictures)
-    assert {p.name for p in paths} == {
-        "rig.png",
-        "flame.png",
-        "convergence.png",
-        "difference.png",
-    }
+    assert {p.stem for p in paths} == {"rig", "flame", "convergence", "difference"}
     for path, picture in zip(paths, pictures, strict=True):
         assert path.read_bytes() == picture.png
         assert picture.png.startswith(b"\x89PNG")
-
-
-def test_relative_residual_counts_usable_pixels_only():
-    measured = np.array([[3.0, 4.0, np.nan, 50.0]])
-    mask = np.array([[True, True, True, False]])
-    view = View("a", measured, np.array([[3.0, 3.0, 1.0, 0.0]]), mask)
-    assert view.relative_residual == pytest.approx(1 / 5)
-    assert np.isnan(View("a", np.zeros((2, 2)), np.ones((2, 2))).relative_residual)
 
 
 def test_held_out_views_are_shown_first_and_the_others_spread():
@@ -287,19 +269,6 @@ def pixels(embedded):
     return cv2.imdecode(encoded, cv2.IMREAD_COLOR)[..., ::-1].astype(int)
 
 
-def test_images_of_cameras_of_different_shapes_are_drawn_to_scale():
-    shapes = [(100, 200), (140, 90), (120, 160), (150, 150), (1, 200), (300, 600), (640, 480)]
-    images = [np.random.default_rng(0).random(shape) for shape in shapes]
-    compared = view_pictures([View(f"{image.shape}", image, image) for image in images])
-    entries = json.loads(compared["data"])
-    assert [entry["words"].split(")")[0] + ")" for entry in entries] == [str(s) for s in shapes]
-    for (rows, columns), entry in zip(shapes, entries, strict=True):
-        sizes = {pixels(one).shape[:2] for one in entry["images"]}
-        assert len(sizes) == 1
-        high, wide = sizes.pop()
-        assert wide / high == pytest.approx(columns / rows, rel=0.02)
-
-
 def test_a_difference_is_red_where_the_volume_is_too_bright_and_blue_where_too_dark():
     measured = np.full((8, 12), 2.0)
     reprojected = measured + np.repeat([0.5, -0.5, 0.0], 4)
@@ -312,11 +281,6 @@ def test_a_difference_is_red_where_the_volume_is_too_bright_and_blue_where_too_d
     assert (np.minimum(red, blue) > 230)[:, 8:].all()
     for picture in map(pixels, entries[0]["images"]):
         assert (picture[:2] == (0xB9, 0xC0, 0xC7)).all()  # grey: not used
-
-
-def test_parts_that_do_not_fit_are_refused():
-    with pytest.raises(ValueError, match="view a: mask: found shape"):
-        View("a", np.ones((2, 2)), np.ones((2, 2)), np.ones((3, 2), bool))
 
 
 def test_the_convergence_of_dark_images_is_drawn():

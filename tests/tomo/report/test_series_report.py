@@ -3,8 +3,8 @@ import re
 import numpy as np
 import pytest
 
-from tomo.draw.film.visualize import MOST_FRAMES
-from tomo.report.series_report import shown_places, write_series_report
+from tomo.draw.film import MOST_FRAMES
+from tomo.report.series import shown_places, write_series_report
 from tomo.series.verdict import SeriesTable
 
 HOSTILE = "<script>alert(1)</script>"

@@ -6,7 +6,7 @@ from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.scan import Scan
 from tomo.view import Content
-from tomo.view.frames import Frames
+from tomo.view.content import Frames
 
 GRID = VoxelGrid((12, 16, 10), (1.0, 1.0, 1.5), (2.0, -1.0, 3.0))
 

@@ -12,9 +12,8 @@ from tomo.view import (
     content_of_rig,
     content_of_volume,
 )
-from tomo.view.comparison import compare
-from tomo.view.content import Model
-from tomo.view.frames import Frames
+from tomo.view.content import Frames, Model
+from tomo.view.page import compare
 
 
 @pytest.fixture(scope="module")

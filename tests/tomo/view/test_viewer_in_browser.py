@@ -7,7 +7,7 @@ import pytest
 
 from tomo.grid import VoxelGrid
 from tomo.view import Content, Viewer, content_of_rig
-from tomo.view.frames import Frames
+from tomo.view.content import Frames
 from tomo.view.page import Page
 
 HOSTILE = "</script><img src=x onerror=alert(1)> & 'y'"
@@ -182,8 +182,7 @@ def test_maximum_colours_planes_and_surfaces_are_shown(open_viewer, content):
     assert found[2:] == [True, 1, 2]
 
 
-@pytest.mark.parametrize("shape", [(1, 1, 1), (5, 1, 40)])
-@pytest.mark.parametrize("value", [0.0, np.nan, 2.0])
+@pytest.mark.parametrize(("shape", "value"), [((1, 1, 1), 2.0), ((5, 1, 40), np.nan)])
 def test_dark_and_tiny_volumes_and_a_film_of_one_frame_are_shown(open_viewer, shape, value):
     frames = Frames((HOSTILE,), lambda _: np.full(shape, value))
     page = open_viewer(Content(HOSTILE, None, VoxelGrid(shape, 2.0), frames, value_unit=HOSTILE))

@@ -1,9 +1,13 @@
-"""Tables of a rig's page, and the layers of a second rig."""
+"""Tables and maps of a rig's page, and the layers of a second rig."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
 
 from rigs import Rig
 from rigs.check import compare_rigs
@@ -12,9 +16,13 @@ from rigs.check.result import RigCheck
 from rigs.check.rig_check import centers_of, lattice
 from tomo.draw import shapes
 from tomo.draw.rig.rig_scene import Target, rig_scene, typical_distance
-from tomo.draw.scene import Mesh, Scene, rgb
-from tomo.draw.write_html import Table
-from tomo.grid import VoxelGrid
+from tomo.draw.scene import ColourScale, Mesh, Scene, rgb
+from tomo.draw.volume.planes import Slices, draw_slices, map_scene
+from tomo.draw.writers import Table
+from tomo.grid import Volume, VoxelGrid
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 _OTHER, _MOVED = rgb("#8a3fa0"), rgb("#d4148c")
 _NO_FIGURE = "–"
@@ -25,6 +33,9 @@ COARSER_IN_WORDS = (
     "cameras that face each other see along one line."
 )
 _COMPARED = 500  # points of a volume at which two rigs are compared
+
+
+_BAD = "YlOrRd"  # more is worse
 
 
 def compare_on_grid(
@@ -59,10 +70,7 @@ def check_table(check: RigCheck) -> Table:
         (f"ray-miss ({unit})", [number(one.ray_miss, 3) for one in check.cameras]),
     ]  # fmt: skip
     known = [column for column in columns if any(one != _NO_FIGURE for one in column[1])]
-    rows = tuple(zip(*(figures for _, figures in known), strict=True))
-    return Table(
-        "Is this rig good enough?", tuple(lines), tuple(title for title, _ in known), rows
-    )
+    return _table("Is this rig good enough?", lines, known)
 
 
 def difference_table(difference: RigDifference, unit: str, first: str, second: str) -> Table:
@@ -82,28 +90,24 @@ def difference_table(difference: RigDifference, unit: str, first: str, second: s
     ):
         if names:
             lines.append(("warning", f"Only in {where}: {some_names(names)}"))
-    head = (
-        "camera",
-        f"position ({unit})",
-        "angle (°)",
-        "focal length (%)",
-        "lens (px)",
-        "distortion (px)",
-        f"ray-miss ({unit})",
-    )
-    rows = [
-        (
-            camera.name,
-            number(camera.distance),
-            number(camera.angle),
-            number(100 * camera.focal_length),
-            number(camera.lens),
-            number(camera.distortion),
-            number(camera.ray_miss),
-        )
-        for camera in difference.cameras
+    cameras = difference.cameras
+    columns = [
+        ("camera", [one.name for one in cameras]),
+        (f"position ({unit})", [number(one.distance) for one in cameras]),
+        ("angle (°)", [number(one.angle) for one in cameras]),
+        ("focal length (%)", [number(100 * one.focal_length) for one in cameras]),
+        ("lens (px)", [number(one.lens) for one in cameras]),
+        ("distortion (px)", [number(one.distortion) for one in cameras]),
+        (f"ray-miss ({unit})", [number(one.ray_miss) for one in cameras]),
     ]
-    return Table(f"{second} against {first}", tuple(lines), head, tuple(rows))
+    return _table(f"{second} against {first}", lines, columns)
+
+
+def _table(
+    title: str, lines: list[tuple[str, str]], columns: list[tuple[str, list[str]]]
+) -> Table:
+    rows = tuple(zip(*(figures for _, figures in columns), strict=True))
+    return Table(title, tuple(lines), tuple(title for title, _ in columns), rows)
 
 
 def other_rig_scene(rig: Rig, difference: RigDifference, grid: VoxelGrid | None = None) -> Scene:
@@ -140,3 +144,61 @@ def number(value: float, digits: int = 4) -> str:
     if not math.isfinite(value):
         return _NO_FIGURE
     return f"{value:.{digits}g}" if abs(value) > 1e-9 else "0"
+
+
+@dataclass(frozen=True, eq=False)
+class CoverageMap:
+    """One figure of merit at points all over the volume; NaN where there is none."""
+
+    name: str
+    values: Volume
+    scale: ColourScale
+
+
+def coverage_maps(check: RigCheck) -> tuple[CoverageMap, ...]:
+    """Return the maps of views, resolved details, pixel size, ray-miss and, where known, blur.
+
+    Colours mean the same for every rig unless a figure runs off the scale: lengths are counted in
+    voxels.
+
+    Raises
+    ------
+    ValueError
+        If the check is of points that are no voxels' centres.
+    """
+    if check.volume is None or check.lattice is None:
+        raise ValueError("check: found points without a volume, expected that of rigs.check_rig")
+    box, found, voxel = check.lattice, check.coverage, check.voxel
+    grid = VoxelGrid(box.shape, box.spacing, box.center)
+    details = check.views_of_volume.at_points() / voxel
+    worst = np.full(len(found.points), np.nan)
+    known = np.isfinite(found.blur).any(axis=0)
+    if known.any():
+        worst[known] = np.nanmax(found.blur_in_pixels[:, known], axis=0)
+    made = []
+    for name, title, values, upper, colours in (
+        ("views", "views", found.views, len(found.rig), "viridis"),
+        ("details", "90 % of details measured down to (voxels)", details, 10.0, _BAD),
+        ("pixel size", "median pixel size (voxels)", found.median_footprint / voxel, 2.0, _BAD),
+        ("ray-miss", "expected ray-miss (voxels)", found.ray_miss / voxel, 1.0, _BAD),
+        ("blur", "largest blur (pixels)", worst, 3.0, _BAD),
+    ):
+        if np.isfinite(values).any():
+            scale = ColourScale(title, 0.0, max(float(np.nanmax(values)), upper), colours)
+            volume = Volume(values.reshape(grid.shape), grid, found.rig.length_unit)
+            made.append(CoverageMap(name, volume, scale))
+    return tuple(made)
+
+
+def coverage_scene(maps: Sequence[CoverageMap]) -> Scene:
+    """Return every map on the grid's middle planes; groups are ``map: views`` and so on."""
+    scene = Scene(length_unit=maps[0].values.length_unit)
+    for shown in maps:
+        scene += map_scene(shown.values, shown.name, shown.scale)
+    return scene
+
+
+def draw_coverage(maps: Sequence[CoverageMap], title: str = "") -> Figure:
+    """Return the figure: a row of three middle planes for each map, all to one scale."""
+    slices = [Slices(one.scale.title, one.values, replace(one.scale, title="")) for one in maps]
+    return draw_slices(slices, title=title or "Coverage", whole=False)

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from rigs import Rig
 from tomo.draw import frame
 from tomo.draw.emission import LIGHT, Looks
-from tomo.draw.figures import INK, MUTED, new_figure, plain
+from tomo.draw.figures import INK, MUTED, PRINT_DPI, new_figure, plain
+from tomo.draw.frame import Viewpoint
 from tomo.draw.rig.rig_scene import (
     Target,
     colour_of,
@@ -26,14 +27,12 @@ from tomo.draw.rig.rig_scene import (
 from tomo.draw.scene import Colour, Scene, rgb
 from tomo.draw.shapes import box_corners
 from tomo.draw.still import panel, show_light, show_scene, write_names
-from tomo.draw.viewpoint import Viewpoint
 from tomo.grid import Volume, VoxelGrid
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_DPI = 200
 _NAMES_CLOSE_UP = 12  # more would hide the volume; colours tell them apart
 _NEAR = ("arrows", "arrow names", "box", "field of view")
 
@@ -51,7 +50,6 @@ def draw_rig(
 
     Parameters
     ----------
-    rig : Rig
     grid : VoxelGrid, optional
         The box to draw; the volume's or the rig's own when None. Without any the right half is
         left out.
@@ -63,16 +61,11 @@ def draw_rig(
         What else to draw into the whole rig: another one, targets.
     looks : Looks
         Of the volume.
-
-    Raises
-    ------
-    ValueError
-        As `rig_scene` does.
     """
     grid = volume.grid if volume is not None else grid_of(rig, grid)
     up = up_of(rig) if len(rig) else frame.UP
     scene, extra = rig_scene(rig, grid, up), extra or Scene()
-    figure = new_figure(*((11.0, 6.0) if grid is not None else (7.5, 5.6)), dpi=_DPI)
+    figure = new_figure(*((11.0, 6.0) if grid is not None else (7.5, 5.6)), dpi=PRINT_DPI)
     left = (0.0, 0.07, 0.62 if grid is not None else 1.0, 0.87)
     overview, viewpoint = _overview(figure, left, rig, grid, scene + extra, up)
     head = (

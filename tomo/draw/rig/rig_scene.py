@@ -12,7 +12,7 @@ from rigs.notebook import upward
 from rigs.scene.scene_camera import own_camera
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
-from tomo.draw.rig.solids import bent_line, solids_scene
+from tomo.draw.rig.surroundings import bent_line, solids_scene
 from tomo.draw.scene import Colour, Label, Mesh, Scene, as_colour, rgb
 from tomo.grid import VoxelGrid, grid_of_rig
 
@@ -78,23 +78,10 @@ def border_rays(camera: CameraLike, per_side: int = 1) -> NDArray[np.float64]:
 
 
 def frustum(camera: CameraLike, depth: float, per_side: int = 1, widen: float = 1.0) -> NDArray:
-    """Return where the image's border cuts the plane ``depth`` before the camera.
+    """Return where the image's border cuts a plane ``depth`` ahead, ``(4 per_side, 3)``.
 
-    Parameters
-    ----------
-    camera : CameraLike
-    depth : float
-        Along the optical axis.
-    per_side : int
-        Points along each side of the image: 1 gives the four corners; a distorted image's
-        border is curved.
-    widen : float
-        Opens the frustum, for symbols; 1 is the camera's own.
-
-    Returns
-    -------
-    points : (4 per_side, 3) float64
-        World coordinates.
+    ``per_side`` 1 gives the four corners; a distorted image's border is curved. ``widen`` opens
+    the frustum, for symbols; 1 is the camera's own.
     """
     return _at_depth(camera, border_rays(camera, per_side), depth, widen)
 

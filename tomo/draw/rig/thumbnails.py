@@ -1,7 +1,8 @@
-"""Thumbnails of the cameras' images, shown with a rig's geometry."""
+"""Thumbnails of the cameras' images: in a rig's geometry, and side by side on one sheet."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Callable, Mapping
 from pathlib import Path
@@ -12,9 +13,12 @@ from numpy.typing import NDArray
 from rigs import CameraLike, Rig
 from rigs.recordings import find_images, image_notes, luminance, read_still, without_pattern
 from rigs.recordings.layout import ONLY, how_to_name
+from tomo.draw.figures import INK, new_figure, plain, png_bytes
+from tomo.draw.rig.camera_view import box_edges
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
 from tomo.draw.scene import ColourScale, Mesh, Scene
-from tomo.draw.volume.maps import lattice_triangles
+from tomo.draw.volume.planes import lattice_triangles
+from tomo.grid import VoxelGrid
 from tomo.scan import Scan, load_scan
 
 _LONGEST = 480  # pixels of a thumbnail's longer side
@@ -55,8 +59,6 @@ def load_thumbnails(
     ------
     ValueError
         If no camera has an image, or one has another size than the camera's.
-    FileNotFoundError
-        If there is no such folder.
     """
     if isinstance(source, Scan) or (_is_scan(Path(source)) and pattern is None):
         scan = source if isinstance(source, Scan) else load_scan(source)
@@ -180,3 +182,32 @@ def shrunk(image: NDArray, longest: int) -> NDArray:
         return image
     size = (max(1, round(columns * scale)), max(1, round(rows * scale)))
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+
+
+def contact_sheet(
+    rig: Rig, images: Mapping[str, NDArray[np.uint8]], grid: VoxelGrid, title: str = ""
+) -> bytes:
+    """Return a PNG of the images, the box's edges drawn into each.
+
+    ``images`` are ``(rows, columns)`` uint8 by camera, see `load_thumbnails`.
+    """
+    cameras = [camera for camera in rig if camera.name in images]
+    tall = max(camera.image_size[1] / camera.image_size[0] for camera in cameras)
+    columns = min(len(cameras), max(1, round(math.sqrt(1.5 * tall * len(cameras)))))
+    rows = -(-len(cameras) // columns)
+    columns = -(-len(cameras) // rows)
+    figure = new_figure(10.0, rows * (10.0 / columns * tall + 0.2) + 0.35, dpi=110)
+    figure.set_layout_engine("compressed", w_pad=0.01, h_pad=0.01, wspace=0, hspace=0)
+    figure.suptitle(plain(title), fontsize=10, color=INK)
+    panels = figure.subplots(rows, columns, squeeze=False).ravel()
+    for axes in panels:
+        axes.set_axis_off()
+    for axes, camera in zip(panels, cameras, strict=False):
+        width, height = camera.image_size
+        extent = (-0.5, width - 0.5, height - 0.5, -0.5)
+        axes.imshow(images[camera.name], cmap="inferno", vmin=0, vmax=255, extent=extent)
+        for edge in box_edges(camera, grid):
+            axes.plot(*edge.T, color="#7fd4ff", linewidth=0.8)
+        axes.set(xlim=extent[:2], ylim=extent[2:])
+        axes.set_title(plain(camera.name), fontsize=8, color=INK, pad=2)
+    return png_bytes(figure)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias, cast
@@ -13,32 +13,32 @@ from rigs.check import check_rig
 from rigs.check.compare import RigDifference
 from rigs.check.result import RigCheck
 from tomo.draw.emission import LIGHT, Looks
-from tomo.draw.figures import save_figure
+from tomo.draw.figures import FIGURE_SUFFIXES, save_figure, suffix_of
 from tomo.draw.rig.camera_view import camera_views
-from tomo.draw.rig.coverage_maps import coverage_maps, coverage_scene, draw_coverage
 from tomo.draw.rig.rig_page import (
     check_table,
     compare_on_grid,
+    coverage_maps,
+    coverage_scene,
     difference_table,
+    draw_coverage,
     other_rig_scene,
 )
 from tomo.draw.rig.rig_scene import Target, grid_of, rig_scene, up_of
-from tomo.draw.rig.targets import target_scene
+from tomo.draw.rig.surroundings import target_scene
 from tomo.draw.rig.thumbnails import image_scene, load_thumbnails
 from tomo.draw.scene import Scene
 from tomo.draw.stage import Shown
-from tomo.draw.suffixes import FIGURE_SUFFIXES, suffix_of
-from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS, isosurface_scene
-from tomo.draw.write_glb import write_glb
-from tomo.draw.write_html import Table, write_html
+from tomo.draw.volume.visualize import volume_of
+from tomo.draw.writers import Table, write_glb, write_html
 from tomo.grid import VoxelGrid
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from rigs import Volume
-    from tomo.draw.volume.given import GivenVolume
+    from tomo.draw.volume.visualize import GivenVolume
     from tomo.scan import Scan
 
     Images: TypeAlias = Scan | str | os.PathLike | Mapping[str, NDArray]
@@ -54,12 +54,10 @@ def visualize_rig(
     volume: GivenVolume | None = None,
     images: Images | None = None,
     frame: str | None = None,
-    pattern: str | None = None,
     other: Rig | RigDifference | None = None,
     names: tuple[str, str] = NAMES,
     coverage: bool = True,
     title: str = "",
-    note: Callable[[str], None] | None = None,
     looks: Looks = LIGHT,
 ) -> None:
     """Draw a rig's cameras and the volume that they look at, as ``flametomo visualize-rig``.
@@ -74,19 +72,16 @@ def visualize_rig(
     volume : Reconstruction, DataArray, (nx, ny, nz) array or path-like, optional
         Shown in its place.
     images : Scan, path-like or mapping, optional
-        A scan, a folder of images, or camera to picture ``(rows, columns)`` uint8, which .html
-        and .glb show.
-    frame, pattern : str, optional
-        See `tomo.draw.rig.thumbnails.load_thumbnails`.
+        A scan, a folder of images, or camera to picture ``(rows, columns)`` uint8, as of
+        `tomo.draw.rig.thumbnails.load_thumbnails`, which .html and .glb show.
+    frame : str, optional
+        The moment of the images; the first when None.
     other : Rig or RigDifference, optional
         Another rig of the same cameras, drawn too; and how both differ, in .html.
     names : (str, str)
         What both are called.
     coverage : bool
         Whether .html has maps of views, resolved details and pixel size.
-    title : str
-    note : callable, optional
-        Called with lines on what image files say and reading does not heed.
     looks : Looks
         Of the volume.
 
@@ -113,7 +108,7 @@ def visualize_rig(
         around = around.without("other names")  # the first rig has the same
         save_figure(draw_rig(rig, grid, shown, title=title, extra=around, looks=looks), path)
         return
-    page = RigPage(rig, grid, _pictures(rig, images, frame, pattern, note), title)
+    page = RigPage(rig, grid, _pictures(rig, images, frame), title)
     # a page draws the light of a volume, a file for 3-D programs its surfaces
     if suffix == ".glb":
         if shown is not None:
@@ -134,9 +129,7 @@ def visualize_check(
     check: RigCheck,
     *,
     images: Images | None = None,
-    pattern: str | None = None,
     title: str = "",
-    note: Callable[[str], None] | None = None,
 ) -> None:
     """Draw maps of how well a rig covers a volume, as ``flametomo check-rig -o``.
 
@@ -146,9 +139,8 @@ def visualize_check(
         A .png, .pdf, .svg, .html or .glb file to write.
     check : RigCheck
         Of `rigs.check_rig`.
-    images, pattern, note
+    images
         See `visualize_rig`; shown in .html.
-    title : str
 
     Raises
     ------
@@ -162,7 +154,7 @@ def visualize_check(
         return
     grid = VoxelGrid(box.shape, box.spacing, box.center)
     is_page = suffix == ".html"
-    pictures = _pictures(rig, images, None, pattern, note) if is_page else {}
+    pictures = _pictures(rig, images, None) if is_page else {}
     page = RigPage(rig, grid, pictures, title)
     if is_page:
         shown = ["map: details"]
@@ -173,15 +165,7 @@ def visualize_check(
 
 @dataclass(frozen=True, eq=False)
 class RigPage:
-    """The page of a rig: its scene, and what its cameras see.
-
-    Attributes
-    ----------
-    rig : Rig
-    grid : VoxelGrid, optional
-    pictures : mapping of str to (rows, columns) uint8
-    title : str
-    """
+    """The page of a rig: its scene, and pictures by camera, ``(rows, columns)`` uint8."""
 
     rig: Rig
     grid: VoxelGrid | None = None
@@ -220,14 +204,8 @@ class RigPage:
         )
 
 
-def _pictures(
-    rig: Rig,
-    images: Images | None,
-    frame: str | None,
-    pattern: str | None,
-    note: Callable[[str], None] | None,
-) -> Mapping[str, NDArray]:
+def _pictures(rig: Rig, images: Images | None, frame: str | None) -> Mapping[str, NDArray]:
     """Return thumbnails by camera; none without images."""
     if images is None or isinstance(images, Mapping):
         return images or {}
-    return load_thumbnails(rig, images, frame, pattern, note=note)
+    return load_thumbnails(rig, images, frame)

@@ -22,13 +22,8 @@ _LOOKS = (("#f6b04c", 0.22), ("#e2582f", 0.40), ("#8c1d4e", 0.85))
 def isosurface(data: NDArray, grid: VoxelGrid, level: float) -> Triangles:
     """Return the closed surface ``data == level`` with normals pointing to lower values.
 
-    Parameters
-    ----------
-    data : (nx, ny, nz)
-        Values at the voxels' centres.
-    grid : VoxelGrid
-    level : float
-        Above zero: outside the grid the value is taken as zero, which closes the surface.
+    ``data`` ``(nx, ny, nz)`` are values at the voxels' centres. Outside the grid the value is
+    taken as zero, which closes the surface.
 
     Returns
     -------

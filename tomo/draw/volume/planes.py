@@ -1,4 +1,4 @@
-"""The middle planes of volumes, drawn to scale: in a row with their colour bar, or in a table."""
+"""The middle planes of volumes: drawn to scale with their colour bar, or as meshes of a scene."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from tomo.draw import frame
 from tomo.draw.figures import INK, MUTED, new_figure, plain, short_numbers
-from tomo.draw.scene import ColourScale
+from tomo.draw.scene import ColourScale, Mesh, Scene
 from tomo.grid import Volume, VoxelGrid
 
 if TYPE_CHECKING:
@@ -25,6 +25,10 @@ _VIEWS = ((0, 1, 2), (2, 1, 0), (0, 2, 1))
 
 _THINNEST, _SHORTEST_BAR = 0.15, 0.7  # inches that can still be seen
 _LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.6  # inches round planes in a row
+
+
+MAP = "map: "
+"""Prefix of groups of which one is shown at a time, because they lie on the same planes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,15 +77,7 @@ def middle_planes(volume: Volume) -> list[Plane]:
 
 @dataclass(frozen=True, eq=False)
 class Slices:
-    """A volume of which the middle planes are drawn.
-
-    Attributes
-    ----------
-    heading : str
-    volume : Volume
-    scale : ColourScale
-        Its title stands beside the bar.
-    """
+    """A volume of which the middle planes are drawn; the scale's title stands beside the bar."""
 
     heading: str
     volume: Volume
@@ -97,16 +93,8 @@ def draw_slices(
 ) -> Figure:
     """Return the middle planes of volumes on one grid, a cell of a table each, to one scale.
 
-    Parameters
-    ----------
-    shown : sequence of Slices or None
-        Row by row; None leaves a cell empty.
-    columns : int, optional
-        As many as there is room for when None.
-    title : str
-        Stands above all.
-    whole : bool
-        Whether the outer halves of the outermost voxels are shown.
+    Row by row; None leaves a cell empty. There are as many columns as there is room for when None.
+    ``whole`` tells whether the outer halves of the outermost voxels are shown.
     """
     grid = next(one for one in shown if one is not None).volume.grid
     wide, tall = grid.extent[[0, 2, 0]], grid.extent[[1, 1, 2]]
@@ -146,16 +134,8 @@ def planes_row(
 ) -> None:
     """Draw the three middle planes in a row, and their colour bar.
 
-    Parameters
-    ----------
-    figure : Figure
-    corner : (float, float)
-        The upper left corner of the row, in inches from the figure's lower left.
-    inches : float
-        For a unit of length.
-    shown : Slices
-    whole : bool
-        Whether the outer halves of the outermost voxels are shown.
+    ``corner`` is the upper left one of the row, in inches from the figure's lower left; ``inches``
+    is for a unit of length. ``whole`` is as in `draw_slices`.
     """
     size, grid = figure.get_size_inches(), shown.volume.grid
     left, top = corner[0] + _LEFT, corner[1] - _TOP
@@ -216,3 +196,44 @@ def _few_ticks(axes: Axes, width: float, height: float) -> None:
             axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
         else:  # even one step of MaxNLocator has two ends
             axis.set_major_locator(FixedLocator([sum(axis.get_view_interval()) / 2]))
+
+
+def map_scene(values: Volume, name: str, scale: ColourScale) -> Scene:
+    """Return the three middle planes, coloured by value; the group is ``map: name``.
+
+    A plane between two layers of voxels shows their mean.
+    """
+    grid, axes, meshes = values.grid, values.grid.axes(), []
+    for across in range(3):
+        level, upright = (axis for axis in range(3) if axis != across)
+        if min(grid.shape[level], grid.shape[upright]) < 2:
+            continue
+        n = grid.shape[across]
+        plane = np.take(values, [(n - 1) // 2, n // 2], axis=across).mean(axis=across)
+        points = np.zeros((*plane.shape, 3))
+        points[..., level], points[..., upright] = np.meshgrid(
+            axes[level], axes[upright], indexing="ij"
+        )
+        points[..., across] = grid.center[across]
+        side = "xyz"[across]
+        meshes.append(
+            Mesh(
+                f"{name}, {side} = {grid.center[across] + 0.0:.4g}",
+                MAP + name,
+                points.reshape(-1, 3),
+                lattice_triangles(*plane.shape),
+                (0.5, 0.5, 0.5),
+                values=plane.ravel(),
+                scale=scale,
+            )
+        )
+    return Scene(tuple(meshes), length_unit=values.length_unit)
+
+
+def lattice_triangles(rows: int, columns: int) -> NDArray[np.int64]:
+    """Return the triangles ``(T, 3)`` between the points of a lattice, numbered row by row."""
+    corner = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    right, below = corner + 1, corner + columns
+    return np.concatenate(
+        [np.stack([corner, below, right], axis=1), np.stack([right, below, below + 1], axis=1)]
+    )

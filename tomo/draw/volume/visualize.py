@@ -4,34 +4,44 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rigs.files import atomic_path
+from rigs.files.text import write_bytes
 from tomo.draw.emission import EYE, LIGHT, Looks, turning_gif
-from tomo.draw.figures import INK, MUTED, new_figure, raised, save_figure, with_unit
-from tomo.draw.frame import UP
+from tomo.draw.figures import (
+    FIGURE_SUFFIXES,
+    INK,
+    MUTED,
+    PRINT_DPI,
+    TURNING,
+    new_figure,
+    raised,
+    save_figure,
+    suffix_of,
+    with_unit,
+)
+from tomo.draw.frame import UP, Viewpoint
 from tomo.draw.rig.rig_scene import volume_scene
 from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.shapes import box_corners
 from tomo.draw.stage import Shown
 from tomo.draw.still import panel, show_light
-from tomo.draw.suffixes import FIGURE_SUFFIXES, TURNING, suffix_of
-from tomo.draw.viewpoint import Viewpoint
-from tomo.draw.volume.given import volume_of
 from tomo.draw.volume.isosurface import LEVELS, finite, isosurface_scene
 from tomo.draw.volume.planes import Slices, planes_row, row_size
-from tomo.draw.write_glb import write_glb
-from tomo.draw.write_html import write_html
+from tomo.draw.writers import write_glb, write_html
 from tomo.grid import Volume, VoxelGrid
+from tomo.io import read_volume_with_unit, volume_of_data_array
+from tomo.pipeline import Reconstruction
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from xarray import DataArray
 
-    from tomo.draw.volume.given import GivenVolume
+    GivenVolume: TypeAlias = Reconstruction | DataArray | NDArray | str | os.PathLike
 
-_DPI = 200
 _HEIGHT = 4.9  # inches of the picture
 
 
@@ -72,8 +82,7 @@ def visualize_volume(
     if suffix in FIGURE_SUFFIXES:
         save_figure(draw_volume(own, title=title, looks=looks), path)
     elif suffix == TURNING:
-        with atomic_path(path) as temporary:
-            temporary.write_bytes(turning_gif(own, colours=looks.colours))
+        write_bytes(path, turning_gif(own, colours=looks.colours))
     elif suffix == ".glb":
         box = volume_scene(own.grid, own.length_unit)
         write_glb(path, box + isosurface_scene(own, looks.levels or LEVELS))
@@ -84,14 +93,6 @@ def visualize_volume(
 
 def draw_volume(volume: Volume, *, title: str = "", looks: Looks = LIGHT) -> Figure:
     """Return the figure: the volume's light as a camera sees it, and three middle planes.
-
-    Parameters
-    ----------
-    volume : Volume
-    title : str
-        Stands above the picture.
-    looks : Looks
-        Surfaces in place of the light, other colours.
 
     Raises
     ------
@@ -106,7 +107,7 @@ def draw_volume(volume: Volume, *, title: str = "", looks: Looks = LIGHT) -> Fig
     across = float(np.hypot(*grid.extent[[0, 2]]) / grid.extent[1])
     sight = min(max(3.2 * across + 1.9, 2.6), 5.0)  # inches of the light's width
     size = sight + 0.2 + row_size(grid, inches)[0], _HEIGHT
-    figure = new_figure(*size, dpi=_DPI)
+    figure = new_figure(*size, dpi=PRINT_DPI)
     place: dict[str, Any] = {"x": 0.12 / size[0], "va": "center", "parse_math": False}
     figure.text(
         **place, y=1 - 0.24 / _HEIGHT, s=title or "Volume", fontsize=11, weight="bold", color=INK
@@ -135,3 +136,40 @@ def draw_volume(volume: Volume, *, title: str = "", looks: Looks = LIGHT) -> Fig
     corner = sight + 0.2, _HEIGHT - 0.55
     planes_row(figure, corner, inches, Slices("Middle planes", volume, scale))
     return figure
+
+
+def volume_of(
+    given: GivenVolume, grid: VoxelGrid | None = None, length_unit: str = "mm"
+) -> Volume:
+    """Return what was given with its grid and units.
+
+    Parameters
+    ----------
+    given : Volume, Reconstruction, DataArray, (nx, ny, nz) array or path-like
+    grid : VoxelGrid, optional
+        Of a bare array, which has none; nothing else may come with one.
+    length_unit : str
+        Of a bare array.
+
+    Raises
+    ------
+    ValueError
+        If an array has no grid or another shape, something else has two, or a file is no volume.
+    """
+    if isinstance(given, Volume):
+        own = given
+    elif isinstance(given, Reconstruction):
+        own = given.volume
+    elif isinstance(given, str | os.PathLike):
+        own, *_ = read_volume_with_unit(given, allow_nan=True)
+    elif hasattr(given, "dims"):
+        own, *_ = volume_of_data_array(given)
+    else:
+        data = np.asarray(given)
+        if grid is None or data.shape != grid.shape:
+            expected = "a grid with it" if grid is None else f"the grid's {grid.shape}"
+            raise ValueError(f"volume: found an array of shape {data.shape}, expected {expected}")
+        return Volume(data, grid, length_unit)
+    if grid is not None and grid != own.grid:
+        raise ValueError(f"volume: found it on {own.grid}, expected no other grid with it")
+    return own

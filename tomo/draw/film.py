@@ -1,25 +1,39 @@
-"""A page that plays the film of a store's volumes."""
+"""Films of a store's volumes: a page that plays them, and the pictures of a video."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs.progress import Progress, progress_of
-from tomo.draw.scene import Scene
+from tomo.draw.emission import COLOURS, emission_image, eye_of
+from tomo.draw.figures import LIGHT_INK, new_figure
+from tomo.draw.frame import UP, Viewpoint
+from tomo.draw.scene import ColourScale, Scene
 from tomo.draw.stage import Shown, fitting
-from tomo.draw.write_html import write_html
+from tomo.draw.still import panel, show_light
+from tomo.draw.writers import write_html
 from tomo.grid import Volume
 from tomo.series import SeriesStore
 from tomo.series.frames import slices_of
 from tomo.series.verdict import SeriesTable
 
+if TYPE_CHECKING:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
 MOST_FRAMES = 60
 """Frames of a film in a page; they share `tomo.draw.stage.MOST_VOXELS`."""
+
+
+HEIGHT, WIDEST = 4.5, 12.0
+"""Inches of the picture, at 160 pixels each: 720 lines, and at most 1920 columns."""
 
 
 def visualize_film(
@@ -39,7 +53,6 @@ def visualize_film(
     store : SeriesStore or path-like
     frames : str
         Slices of the store's frames, counted from 0, like ``0:100:2``.
-    title : str
     progress : bool or callable, optional
         True shows a bar.
 
@@ -85,27 +98,15 @@ def shown_places(complete: NDArray[np.bool_], most: int = MOST_FRAMES) -> list[i
 
 
 def film_of(moments: Iterable[tuple[str, float, Volume]], count: int) -> Shown:
-    """Return the film that a page shows.
+    """Return the film that a page shows of ``count`` moments: the more, the coarser.
 
-    Parameters
-    ----------
-    moments : iterable of (label, position, volume)
-        Frames in their order; the position along the time axis is 0 to 1.
-    count : int
-        How many there are: the more, the coarser.
-
-    Raises
-    ------
-    ValueError
-        If there is no frame.
+    The position along the time axis is 0 to 1.
     """
     labels, frames, whole = [], [], None
     for label, position, volume in moments:
         whole = volume.grid
         labels.append((label, round(position, 5)))
         frames.append(fitting(volume, count))
-    if not frames:
-        raise ValueError("film: found no frame, expected one")
     return Shown(frames, labels, whole=whole)
 
 
@@ -130,3 +131,47 @@ def words_of(shown: Sequence[int], count: int) -> str:
             "flametomo export --to mp4 makes a film of them."
         )
     return f"All {count} frames." if count > 1 else "The one frame."
+
+
+@dataclass(frozen=True, eq=False)
+class FilmPicture:
+    """Draws the pictures of a film; axes, labels and colour bar are drawn once.
+
+    ``example`` is a volume on the film's grid with its units, ``full`` the line integral at the
+    end of the colour scale.
+    """
+
+    example: Volume
+    full: float
+    title: str = ""
+
+    def draw(self, volume: Volume, label: str) -> NDArray[np.uint8]:
+        """Return the picture of a volume with a label, ``(height, width, 3)``, even numbers."""
+        from PIL import Image, ImageDraw, ImageFont
+
+        empty, viewpoint = self._empty
+        light = ColourScale("", 0.0, self.full, COLOURS)(emission_image(volume, viewpoint))
+        image = Image.fromarray(np.clip(np.round(255 * light) + empty, 0, 255).astype(np.uint8))
+        ImageDraw.Draw(image).text(
+            (image.width - 20, 14), label, LIGHT_INK, ImageFont.load_default(22), anchor="ra"
+        )
+        return np.asarray(image)
+
+    @cached_property
+    def _empty(self) -> tuple[NDArray[np.uint8], Viewpoint]:
+        """The picture without values, and the eye that sees it."""
+        grid = self.example.grid
+        across = np.hypot(*grid.extent[[0, 2]]) / grid.extent[1]
+        width = np.clip(0.85 * HEIGHT * across + 2.2, 5.0, WIDEST)
+        figure = new_figure(width, HEIGHT)
+        figure.set(figwidth=round(width * figure.dpi / 2) * 2 / figure.dpi, facecolor="black")
+        axes, size = panel(figure, (0, 0, 1, 1))
+        viewpoint = eye_of(grid, size, margins=(0.2, 0.05, 0.1, 0.1))
+        dark = self.example.like(np.zeros(grid.shape, np.float32))
+        scene, bounds = Scene(length_unit=dark.length_unit), np.stack([grid.lower, grid.upper])
+        show_light(axes, dark, scene, viewpoint, bounds, up=UP, full=self.full)
+        figure.text(0.5, 1 - 0.2 / HEIGHT, self.title, fontsize=10, color=LIGHT_INK, ha="center",
+                    va="center", parse_math=False)  # fmt: skip
+        canvas = cast("FigureCanvasAgg", figure.canvas)
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[..., :3].copy(), viewpoint

@@ -1,4 +1,4 @@
-"""Options that correct images: what a scan.yaml has as ``corrections``, for scans without one."""
+"""Options of images: which, and what is corrected of them where no scan.yaml says so."""
 
 from __future__ import annotations
 
@@ -7,8 +7,51 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tomo.cli.console import say
+
 if TYPE_CHECKING:
     from tomo import Scan
+
+
+@dataclass(frozen=True)
+class Images:
+    """Images and rig, in place of a scan.
+
+    Images
+    ------
+    rig : FILE
+        A rig.yaml, with --images, in place of SCAN.
+    images : FOLDER
+        Images CAMERA/FRAME.tif or CAMERA_FRAME.tif, or films CAMERA.tif, with --rig; or where
+        those of a transforms.json are.
+    pattern : PATTERN
+        How the files of --images are named, where not as CAMERA/FRAME.tif, CAMERA_FRAME.tif or
+        CAMERA.tif: '{frame}/{camera}.png', say.
+    """
+
+    rig: Path | None = None
+    images: Path | None = None
+    pattern: str | None = None
+
+    def scan(self, scan: Path | None) -> Scan:
+        """Return the scan that is named, or these images; what a pattern finds is said."""
+        from rigs.recordings.layout import cameras_and_frames
+        from tomo import load_scan, scan_of_images
+
+        if self.pattern is not None and self.rig is None:
+            raise ValueError(
+                f"--pattern: found {self.pattern!r}, expected --rig and --images with it"
+            )
+        if scan is not None and self.rig is None:
+            return load_scan(scan, self.images)
+        if scan is None and self.rig is not None and self.images is not None:
+            found = scan_of_images(self.rig, self.images, self.pattern)
+            if self.pattern is not None:
+                names = found.rig.names
+                each = {n: [f.name for f in found.frames if n in f.images] for n in names}
+                say(cameras_and_frames(each))
+            return found
+        raise ValueError("SCAN: expected either a scan, or --rig and --images together")
 
 
 @dataclass(frozen=True)
@@ -48,14 +91,7 @@ class Corrections:
     channel: str | None = None
 
     def of(self, scan: Scan) -> Scan:
-        """Return the scan with these corrections; others stay as they are.
-
-        Raises
-        ------
-        ValueError
-            Naming the option, if a value is none of its correction, a file is not there, or the
-            scan names colours already.
-        """
+        """Return the scan with these corrections; others stay as they are."""
         options = asdict(self).items()
         given = {name: value_of(name, text) for name, text in options if text is not None}
         colours = {name: given.pop(name) for name in ("channel", "bayer") if name in given}

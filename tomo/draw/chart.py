@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,15 +26,9 @@ COLOURS = (
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve of a chart, ready to be drawn.
+    """One curve: points of polylines in SVG's form, one for each stretch without gaps.
 
-    Attributes
-    ----------
-    name, colour : str
-    lines : tuple of str
-        Points of polylines in SVG's form, one for each stretch without gaps.
-    values : tuple of str
-        The figure of each moment that the page shows.
+    ``values`` are the figures of each moment that the page shows.
     """
 
     name: str
@@ -45,21 +39,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class Chart:
-    """Curves that share a scale.
-
-    Attributes
-    ----------
-    title, unit : str
-    low, high : str
-        The ends of the scale.
-    curves : tuple of Curve
-    """
+    """Curves that share a scale; ``low`` and ``high`` are its ends."""
 
     title: str
     unit: str
     low: str
     high: str
-    curves: tuple[Curve, ...] = field(default=())
+    curves: tuple[Curve, ...] = ()
 
 
 def chart(
@@ -76,10 +62,8 @@ def chart(
 
     Parameters
     ----------
-    title : str
     curves : mapping of str to (frames,)
         NaN where there is no figure: a gap.
-    unit : str
     shown : sequence of int
         Places of the frames whose figures are given as text.
     from_zero : bool

@@ -11,19 +11,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera_protocol import has_lens
-from rigs.files import atomic_path
+from rigs.files.text import write_text
 from rigs.scene.scene_camera import own_camera
-from tomo.draw.calibration.calibration_figures import (
+from tomo.draw.figures import png_bytes
+from tomo.draw.page import embedded, render
+from tomo.draw.rig.calibration_figures import (
     ImageOf,
     draw_coverage,
     draw_depths,
     draw_residuals,
     draw_worst,
 )
-from tomo.draw.figures import png_bytes
-from tomo.draw.page import embedded, render
 from tomo.draw.rig.rig_scene import grid_of, rig_scene, up_of
-from tomo.draw.rig.targets import calibration_targets
+from tomo.draw.rig.surroundings import calibration_targets
 from tomo.draw.stage import stage
 from tomo.grid import VoxelGrid
 
@@ -62,8 +62,6 @@ def write_calibration_page(
     *,
     title: str = "Calibration",
     image_of: ImageOf | None = None,
-    notes: Sequence[str] | None = None,
-    grid: VoxelGrid | None = None,
     details: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the page.
@@ -72,21 +70,14 @@ def write_calibration_page(
     ----------
     path : path-like
         ``calibration.html``.
-    calibration : Calibration
-    title : str
     image_of : callable, optional
         Returns a camera's grey image of a frame, ``(rows, columns)``, or None; called for the
         images that fit worst. By default they are those of the calibration; without any they are
         not shown.
-    notes : sequence of str, optional
-        What is to be said after the findings, a line each; the calibration's when None.
-    grid : VoxelGrid, optional
-        The voxels to show; when None those of the rig, else the box that was evaluated.
     details : mapping, optional
         What the calibration was made from, in words.
     """
-    grid = grid_of(calibration.rig, grid) or _evaluated_box(calibration)
-    notes = calibration.notes if notes is None else notes
+    grid = grid_of(calibration.rig) or _evaluated_box(calibration)
     if image_of is None and calibration.images is not None:
         image_of = _reader(calibration.images)
     figures = (
@@ -101,7 +92,7 @@ def write_calibration_page(
         "calibration.html",
         title=title,
         about=f"{len(rig)} cameras in {rig.length_unit}.",
-        verdict=_verdict(calibration, notes),
+        verdict=_verdict(calibration),
         headline=_headline(calibration),
         world=rig.world_frame,
         cameras=_cameras(calibration),
@@ -115,8 +106,7 @@ def write_calibration_page(
         stage=stage(scene + calibration_targets(calibration), up=up_of(rig), grid=grid),
         details=[(key, str(value)) for key, value in (details or {}).items()],
     )
-    with atomic_path(path) as temporary:
-        temporary.write_text(text, encoding="utf-8")
+    write_text(path, text)
 
 
 def _reader(images: Mapping[str, Mapping[str, Any]]) -> ImageOf:
@@ -137,11 +127,11 @@ def _evaluated_box(calibration: Calibration) -> VoxelGrid | None:
     return VoxelGrid.from_bounds((1, 1, 1), points.min(axis=0), points.max(axis=0))
 
 
-def _verdict(calibration: Calibration, notes: Sequence[str]) -> dict[str, Any]:
+def _verdict(calibration: Calibration) -> dict[str, Any]:
     """Return the assessment, and below it the findings and the notes."""
     first = calibration.assessment.split("\n")[0]
     word, _, rest = first.partition(": ")
-    lines = [rest if word in _LEVELS else first, *calibration.findings, *notes]
+    lines = [rest if word in _LEVELS else first, *calibration.findings, *calibration.notes]
     return {
         "level": _LEVELS.get(word, "amber"),
         "badge": word.capitalize() if word in _LEVELS else "Not known",

@@ -1,18 +1,18 @@
-"""The report of a series: one HTML page with a film, the figures of every frame, and warnings."""
+"""The report of a series: its figures, and a page with a film, charts and warnings."""
 
 from __future__ import annotations
 
 import os
 from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from rigs.files import atomic_path
-from rigs.progress import Progress
-from tomo.draw.film.chart import COLOURS, Chart, chart
-from tomo.draw.film.visualize import film_of, moments_of, shown_places, words_of
+from rigs.files.text import write_text
+from rigs.progress import Progress, progress_of
+from tomo.draw.chart import COLOURS, Chart, chart
+from tomo.draw.film import film_of, moments_of, shown_places, words_of
 from tomo.draw.page import render
 from tomo.draw.scene import Scene
 from tomo.draw.stage import stage
@@ -22,11 +22,112 @@ from tomo.report.facts import (
     detail_tables,
     number_text,
     short_unit,
+    size_in_words,
     verdict_part,
+    with_glossary,
     without_nulls,
 )
-from tomo.report.glossary import with_glossary
+from tomo.scan import Scan
+from tomo.series import SeriesStore
+from tomo.series.frames import UnreadableError, read_frame
+from tomo.series.layout import CAMERA_FIGURES
+from tomo.series.store import COMPLETE, LEFT_OUT
 from tomo.series.verdict import SeriesTable, answer_of_series, verdict_of_series
+from tomo.series.watching import in_words, watch
+
+MOST_REASONS = 3
+"""Frames left out of which the reason is said."""
+
+
+def write_series_outcome(
+    store: SeriesStore,
+    scan: Scan | None = None,
+    *,
+    with_film: bool = True,
+    progress: Progress | bool | None = None,
+) -> dict[str, Any]:
+    """Write the report page beside a store, as ``flametomo reconstruct --frames`` does.
+
+    Parameters
+    ----------
+    store : SeriesStore
+    scan : Scan, optional
+        What it was reconstructed from: says why frames that were left out could not be read.
+    with_film : bool
+        Whether the page shows volumes.
+    progress : bool or callable, optional
+        True shows a bar.
+
+    Returns
+    -------
+    report : dict
+        The figures of the series, see `series_report`; ``page`` is the path of the page.
+    """
+    table = SeriesTable.of(store)
+    report = series_report(table)
+    if scan is not None:
+        report["warnings"] += _reasons_left_out(report["left_out"], scan)
+    with progress_of(progress, "report") as tell:
+        write_series_report(
+            report["page"], table, report["warnings"], with_film=with_film, progress=tell
+        )
+    return report
+
+
+def series_report(table: SeriesTable) -> dict[str, Any]:
+    """Return what is in a store, in numbers: ``--json``."""
+    about, columns, path = table.store.attributes, table.columns, table.store.path
+    views: dict[str, dict[str, float]] = {name: {} for name in table.cameras}
+    for figure in CAMERA_FIGURES:
+        for name, column in table.each_camera(figure).items():
+            views[name][figure] = float(np.nanmean(column))
+    found = watch(table.columns, table.frames, table.cameras)
+    lines = [*about["plan_warnings"], *in_words(found)]
+    if warned := int(np.count_nonzero(columns["warnings"])):
+        lines.append(f"{warned} frames have warnings of their own: see the store's warnings")
+    means = {
+        name: float(values.mean()) if len(values := table.known(name)) else None
+        for name in ("relative_residual", "seconds")
+    }
+    complete = columns["complete"]
+    return {
+        "answer": asdict(answer_of_series(columns, table.frames.tolist(), table.cameras)),
+        "verdict": verdict_of_series(table),
+        "store": str(path),
+        # beside it: Zarr's readers warn of files in a store that are no arrays
+        "page": str(path.with_name(f"{path.stem}_report.html")),
+        "frames": table.store.n_frames,
+        "complete": int((complete == COMPLETE).sum()),
+        "left_out": table.frames[complete == LEFT_OUT].tolist(),
+        "relative_residual": means["relative_residual"],
+        "seconds_a_frame": means["seconds"],
+        "quality": {
+            name: float(values.mean())
+            for name in ("nrmse", "cosine_distance")
+            if len(values := table.known(name))
+        },
+        "views": views,
+        "held_out": {
+            name: {figure: each[figure] for figure in ("psnr", "ssim") if figure in each}
+            for name, each in views.items()
+            if "psnr" in each
+        },
+        "watched": [asdict(one) for one in found],
+        "plan": about["plan"],
+        "place": about.get("place"),
+        "warnings": lines,
+    }
+
+
+def _reasons_left_out(frames: Sequence[int], scan: Scan) -> list[str]:
+    """Return a line on each of a few frames that were left out: why they could not be read."""
+    lines = []
+    for place in frames[:MOST_REASONS]:
+        try:
+            read_frame(scan, place, skip_bad=False)
+        except UnreadableError as error:
+            lines.append(f"frame {error.frame}: {error.reason}")
+    return lines
 
 
 def write_series_report(
@@ -39,18 +140,10 @@ def write_series_report(
 ) -> None:
     """Write the page, which loads nothing and stays under 20 MB however many frames there are.
 
-    Parameters
-    ----------
-    path : path-like
-        ``report.html``.
-    table : SeriesTable
-    warnings : sequence of str
-    with_film : bool
-        Whether volumes are shown, of `MOST_FRAMES` frames at the most.
-    progress : callable, optional
+    With a film it shows the volumes of at most `tomo.draw.film.MOST_FRAMES` frames.
     """
     store, film = table.store, None
-    about = store.attributes
+    about, last = store.attributes, store.n_frames - 1
     shown = shown_places(store.complete)
     if with_film and shown:
         own = film_of(moments_of(table, shown, progress), len(shown))
@@ -66,23 +159,19 @@ def write_series_report(
         words=words_of(shown, int(store.complete.sum())),
         film=film,
         charts=_charts(table, shown if film else ()),
-        axis=_axis(table),
+        axis=(table.label(0), table.label(last // 2) if last > 1 else "", table.label(last)),
         table=_camera_table(table),
         details=detail_tables(without_nulls(_plan_details(about))),
     )
-    with atomic_path(path) as temporary:
-        temporary.write_text(with_glossary(text), encoding="utf-8")
+    write_text(path, with_glossary(text))
 
 
 def _about(table: SeriesTable) -> str:
     """Return the line below the title: what was made of what, and how large it is."""
-    grid, about = table.store.grid, table.store.attributes
-    size, voxels = (" × ".join(f"{n:.4g}" for n in values) for values in (grid.extent, grid.shape))
+    about = table.store.attributes
     used = len(set(table.cameras) - set(about["options"].get("hold_out") or []))
-    return (
-        f"Emission in {size} {about['length_unit']} ({voxels} voxels) from {used} camera"
-        f"{'s' if used != 1 else ''}, method {about['options']['method']}."
-    )
+    words = size_in_words(table.store.grid, about["length_unit"], used)
+    return f"{words}, method {about['options']['method']}."
 
 
 def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
@@ -120,9 +209,6 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
     """Return the charts of the figures, those that the series has."""
     colours = {name: COLOURS[n % len(COLOURS)] for n, name in enumerate(table.cameras)}
 
-    def alone(name: str, title: str) -> dict[str, NDArray]:
-        return {title: table.columns[name]}
-
     emission = short_unit(table.store.unit("total_emission"))
     found = [
         chart(
@@ -134,7 +220,8 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
         ),
         chart(
             "Relative residual, less is better",
-            alone("relative_residual", "all that took part") | table.each_camera("view_residual"),
+            {"all that took part": table.columns["relative_residual"]}
+            | table.each_camera("view_residual"),
             shown=shown,
             from_zero=True,
             colours={"all that took part": "#1b2733"} | colours,
@@ -146,18 +233,12 @@ def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
             shown=shown,
             colours=colours,
         ),
-        chart("Total emission", alone("total_emission", ""), unit=emission, shown=shown,
+        chart("Total emission", {"": table.columns["total_emission"]}, unit=emission, shown=shown,
               from_zero=True),
-        chart("Seconds a frame", alone("seconds", ""), unit="s", shown=shown, from_zero=True,
-              digits=3),
+        chart("Seconds a frame", {"": table.columns["seconds"]}, unit="s", shown=shown,
+              from_zero=True, digits=3),
     ]  # fmt: skip
     return [one for one in found if one is not None]
-
-
-def _axis(table: SeriesTable) -> tuple[str, str, str]:
-    """Return the words below the charts: first, middle and last frame."""
-    last = table.store.n_frames - 1
-    return table.label(0), table.label(last // 2) if last > 1 else "", table.label(last)
 
 
 def _camera_table(table: SeriesTable) -> dict[str, Any]:
