@@ -1,7 +1,5 @@
 """``flametomo`` as a whole: its verbs, its version, its help, its start-up."""
 
-import subprocess
-import sys
 from configparser import ConfigParser
 from pathlib import Path
 
@@ -66,18 +64,6 @@ def test_a_file_in_tools_is_the_same_program(verb):
     text = path.read_text("utf-8")
     assert len([line for line in text.splitlines() if line]) <= 5
     assert f'main("{verb}")' in text
-
-
-def test_the_help_needs_no_library_of_numbers():
-    code = (
-        "import sys; from tomo.cli.app import app\n"
-        "try: app(['--help'], prog_name='flametomo')\n"
-        "finally: print(*sys.modules, file=sys.stderr)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    loaded = {name.split(".")[0] for name in done.stderr.split()}
-    assert "typer" in loaded
-    assert not loaded & {"numpy", "torch", "numba", "open3d", "scipy", "matplotlib"}
 
 
 def test_the_installed_command_is_the_same_function():

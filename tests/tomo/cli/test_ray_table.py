@@ -26,17 +26,17 @@ def scan(tmp_path):
     return tmp_path / "scan"
 
 
-def test_reconstruct_with_a_table_held_out_and_not(run_tool, tmp_path, scan):
+@pytest.mark.parametrize("hold_out", ["cam00", "cam01"])
+def test_reconstruct_with_a_table_held_out_and_not(run_tool, tmp_path, scan, hold_out):
     assert isinstance(load_rig(scan / "rig.yaml")["cam00"], RayTable)
-    for hold_out in ("cam00", "cam01"):
-        # the images are made of the very voxels
-        options = ("--method", "cgls", "--basis", "voxel", "--json", "--no-pictures")
-        options += ("--hold-out", hold_out)
-        done = run_tool("reconstruct", scan, "-o", tmp_path / "out", *options)
-        assert done.exit_code == 0, done.stderr
-        result = json.loads(done.stdout)
-        assert result["quality"]["cosine_distance"] < 0.05
-        assert result["held_out"][hold_out]["psnr"] > 25
+    # the images are made of the very voxels
+    options = ("--method", "cgls", "--basis", "voxel", "--json", "--no-pictures")
+    options += ("--hold-out", hold_out, "-o", tmp_path / "out")
+    done = run_tool("reconstruct", scan, *options)
+    assert done.exit_code == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert result["quality"]["cosine_distance"] < 0.05
+    assert result["held_out"][hold_out]["psnr"] > 25
 
 
 @pytest.mark.parametrize("suffix", ["png", "html", "glb"])
@@ -48,13 +48,11 @@ def test_visualize(run_tool, tmp_path, scan, suffix):
     assert out.stat().st_size > 1000
 
 
-def test_a_table_that_is_missing_or_broken_is_named(run_tool, tmp_path, scan):
+def test_a_table_that_is_missing_or_broken_is_named(refused, tmp_path, scan):
     file = scan / "rig_rays_cam00.npz"
     np.savez(file, origins=np.zeros(3))
-    done = run_tool("visualize_rig", scan / "rig.yaml", "-o", tmp_path / "rig.glb")
-    assert done.exit_code == 2
-    assert "camera cam00: ray_table: rig_rays_cam00.npz: directions: missing" in done.stderr
+    line = refused("visualize_rig", scan / "rig.yaml", "-o", tmp_path / "rig.glb")
+    assert "camera cam00: ray_table: rig_rays_cam00.npz: directions: missing" in line
     file.unlink()
-    done = run_tool("reconstruct", scan, "-o", tmp_path / "out")
-    assert done.exit_code == 2
-    assert "rig_rays_cam00.npz: no such file, which camera cam00 has for ray_table" in done.stderr
+    line = refused("reconstruct", scan, "-o", tmp_path / "out")
+    assert "rig_rays_cam00.npz: no such file, which camera cam00 has for ray_table" in line

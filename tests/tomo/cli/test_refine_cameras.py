@@ -74,14 +74,8 @@ def test_the_report_says_what_was_refined(done):
 
 def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
     loaded = load_scan(scan)
-    outcome = reconstruct(
-        loaded.scaled(2),
-        options=Options(
-            method="sirt",
-            iterations=2,
-            refine_cameras=["cam02", "cam03", "none"],
-        ),
-    )
+    some = {"refine_cameras": ["cam02", "cam03", "none"]}
+    outcome = reconstruct(loaded.scaled(2), options=Options(method="sirt", iterations=2, **some))
     report = outcome.report()["refinement"]
     assert report["accepted"] is True
     found = outcome.refined_rig
@@ -92,36 +86,6 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
     ]
     assert min(apart[2:4]) > 0.1
     assert max(apart[:2] + apart[4:]) < 1e-9
-
-
-def test_no_rig_is_given_back_where_nothing_is_asked(scan):
-    outcome = reconstruct(load_scan(scan), options=Options(method="sirt", iterations=2))
-    assert outcome.refined_rig is None
-    assert outcome.report()["refinement"] is None
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        (("--refine-cameras", "camX"), "refine_cameras: found camera 'camX', expected one of"),
-        (("--refine-cameras", "nominal"), "refine_cameras: found no nominal camera in the rig"),
-        (
-            ("--refine-cameras", "cam01", "--hold-out", "cam01"),
-            "refine_cameras: found only cameras held out: cam01",
-        ),
-        (
-            ("--refine-cameras", "all", *(f"--hold-out=cam0{n}" for n in range(7))),
-            "refine_cameras: found 2 views to refine with, expected at least 3",
-        ),
-    ],
-)
-def test_bad_requests_are_one_line(run_tool, scan, tmp_path, options, words):
-    result = run_tool("reconstruct", scan, *options, "-o", tmp_path / "out")
-    assert result.exit_code == 2
-    lines = [line for line in result.stderr.splitlines() if line.startswith("error: ")]
-    assert len(lines) == 1
-    assert words in lines[0]
-    assert not (tmp_path / "out").exists()
 
 
 def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool, scan):
@@ -163,3 +127,16 @@ def test_refined_on_one_moment_the_plume_is_predicted_better_at_another(test_dat
         return np.mean(figures)
 
     assert predicted(replace(whole, rig=other.refined_rig)) > predicted(whole) + 0.5
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (("nominal",), "refine_cameras: found no nominal camera in the rig"),
+        (("cam01", "--hold-out", "cam01"), "refine_cameras: found only cameras held out: cam01"),
+        (("all", *(f"--hold-out=cam0{n}" for n in range(7))), "found 2 views to refine with, exp"),
+    ],
+)
+def test_bad_requests_are_one_line(refused, scan, tmp_path, options, words):
+    given = (scan, "-o", tmp_path / "out", "--refine-cameras", *options)
+    assert words in refused("reconstruct", *given)

@@ -39,18 +39,6 @@ def test_a_scan_is_written_and_described(run_tool, rig, tmp_path):
     np.testing.assert_allclose(truth.max(), field(GRID.centers()).max(), rtol=0.5)
 
 
-def test_a_rig_may_be_a_scan_s(run_tool, rig, tmp_path):
-    scan = tmp_path / "scan"
-    arguments = ("--phantom", "jet", *BOX)
-    assert run_tool("simulate", "--rig", rig, *arguments, "-o", scan).exit_code == 0
-    (scan / "rig.yaml").rename(scan / "cameras.yaml")
-    text = (scan / "scan.yaml").read_text().replace("rig: rig.yaml", "rig: cameras.yaml")
-    (scan / "scan.yaml").write_text(text)
-    done = run_tool("simulate", "--rig", scan, *arguments, "-o", tmp_path / "again", "--json")
-    assert done.exit_code == 0, done.stderr
-    assert json.loads(done.stdout)["cameras"] == ["front"]
-
-
 def test_the_seed_reaches_phantom_and_noise(run_tool, rig, tmp_path):
     images = {}
     for name, seed in [("a", 1), ("b", 1), ("c", 2)]:
@@ -93,48 +81,6 @@ def test_effects_reach_the_images(run_tool, rig, tmp_path):
     assert result["maximum"] < 0.9 * json.loads(plain.stdout)["maximum"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        (("--phantom", "fire", *BOX), "found 'fire', expected a volume file or one of"),
-        (("--phantom", "jet"), "--grid and --spacing"),
-        (("--phantom", "jet", "--grid", "3x4", "--spacing", "1"), "--grid: found '3x4'"),
-        (("--phantom", "jet", "--grid", "3x4x0", "--spacing", "1"), "grid shape"),
-        (("--phantom", "jet", "--grid", "3x4x5", "--spacing", "1,2"), "--spacing: found '1,2'"),
-        (("--phantom", "jet", "--grid", "3x4x5", "--spacing", "nan"), "--spacing: found 'nan'"),
-        (("--phantom", "jet", *BOX[:4], "--center", "-1,2"), "--center: found '-1,2'"),
-        (("--phantom", "jet", *BOX, "--noise", "-1"), "noise: found -1"),
-        (("--phantom", "none.vti", *BOX), "none.vti: no such volume"),
-        (
-            ("--phantom", "none.stl", *BOX),
-            "files end in .npz, .vti, .nrrd, ",
-        ),
-        (("--phantom", "jet", "--grid", "90000x90000x90000", "--spacing", "1e-4"), "would fit"),
-    ],
-)
-def test_bad_input_is_one_line_and_writes_nothing(run_tool, rig, tmp_path, arguments, message):
-    done = run_tool("simulate", "--rig", rig, *arguments, "-o", tmp_path / "scan")
-    assert done.exit_code == 2
-    errors = [line for line in done.stderr.splitlines() if line.startswith("error: ")]
-    assert len(errors) == 1
-    assert message in errors[0]
-    assert not (tmp_path / "scan").exists()
-
-
-def test_an_unknown_rig_lists_the_presets(run_tool, tmp_path):
-    done = run_tool("simulate", "--rig", "none", "--phantom", "jet", "-o", tmp_path / "scan")
-    assert done.exit_code == 2
-    assert "paper33_pitch" in done.stderr
-
-
-def test_a_volume_in_another_unit_is_refused(run_tool, rig, tmp_path):
-    write_volume(tmp_path / "flame.npz", np.ones(GRID.shape), GRID, "m")
-    arguments = ("--rig", rig, "--phantom", tmp_path / "flame.npz", "-o", tmp_path / "scan")
-    done = run_tool("simulate", *arguments)
-    assert done.exit_code == 2
-    assert "length_unit: found 'm', expected 'mm'" in done.stderr
-
-
 def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, tmp_path):
     arguments = ("--rig", rig, "--phantom", "plume", *BOX, "--photons", 500, "--seed", 2)
     done = run_tool(
@@ -156,9 +102,23 @@ def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, tmp_path):
     assert "against the truth, mean: nrmse" in done.stderr
 
 
-def test_a_frame_rate_belongs_to_a_film(run_tool, rig, tmp_path):
-    done = run_tool(
-        "simulate", "--rig", rig, "--phantom", "jet", *BOX, "--frame-rate", 5, "-o", tmp_path
-    )
-    assert done.exit_code == 2
-    assert "--frame-rate: found 5.0, expected --frames with it" in done.stderr
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("--phantom", "fire", *BOX), "found 'fire', expected a volume file or one of"),
+        (("--phantom", "jet"), "--grid and --spacing"),
+        (("--phantom", "jet", "--grid", "3x4x0", "--spacing", "1"), "grid shape"),
+        (("--phantom", "jet", "--grid", "3x4x5", "--spacing", "1,2"), "--spacing: found '1,2'"),
+        (("--phantom", "jet", *BOX[:4], "--center", "-1,2"), "--center: found '-1,2'"),
+        (("--phantom", "jet", *BOX, "--noise", "-1"), "noise: found -1"),
+        (("--phantom", "jet", *BOX, "--frame-rate", 5), "--frame-rate: found 5.0, expected --fra"),
+        (("--phantom", "none.vti", *BOX), "none.vti: no such volume"),
+        (("--phantom", "none.stl", *BOX), "files end in .npz, .vti, .nrrd, "),
+        (("--phantom", "metres.npz"), "length_unit: found 'm', expected 'mm'"),
+        (("--phantom", "jet", "--rig", "none"), "paper33_pitch"),
+    ],
+)
+def test_bad_input_is_one_line(refused, rig, tmp_path, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    write_volume("metres.npz", np.ones(GRID.shape), GRID, "m")
+    assert words in refused("simulate", "--rig", rig, *arguments, "-o", "scan")

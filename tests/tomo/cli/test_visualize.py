@@ -1,9 +1,6 @@
 import json
 import re
-import subprocess
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -14,13 +11,7 @@ import rigs
 from tomo.grid import VoxelGrid
 from tomo.io import write_volume
 
-TOOLS = Path(__file__).parents[3] / "tools"
 GRID = VoxelGrid((8, 20, 10), (1.0, 2.0, 1.5), (0.0, 1.0, 2.0))
-
-
-def run(tool, *arguments):
-    command = [sys.executable, str(TOOLS / tool), *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
 
 
 @pytest.fixture
@@ -28,17 +19,6 @@ def volume(tmp_path):
     data = np.exp(-((GRID.centers() - GRID.center) ** 2).sum(axis=-1) / 18).astype(np.float32)
     write_volume(tmp_path / "volume.npz", data, GRID, "mm")
     return tmp_path / "volume.npz"
-
-
-def test_rig_with_a_volume_to_all_three(tmp_path, volume):
-    outs = [tmp_path / f"rig.{suffix}" for suffix in ("png", "html", "glb")]
-    options = [part for out in outs for part in ("-o", out)]
-    done = run("visualize_rig.py", "paper11_33deg", "--volume", volume, *options)
-    assert done.returncode == 0, done.stderr
-    assert outs[0].read_bytes().startswith(b"\x89PNG")
-    assert "cam00" in outs[1].read_text(encoding="utf-8")
-    bounds = trimesh.load(outs[2]).bounds
-    assert np.abs(bounds).max() == pytest.approx(5.8, rel=0.05)  # metres
 
 
 def test_an_array_is_drawn_with_a_spacing(run_tool, tmp_path, volume):
@@ -54,24 +34,13 @@ def test_an_array_is_drawn_with_a_spacing(run_tool, tmp_path, volume):
     assert out.read_bytes() == expected.read_bytes()
     done = run_tool("visualize_rig", "paper11_33deg", "--volume", array, *grid, "-o", out)
     assert done.exit_code == 0, done.stderr
-    for arguments, words in (
-        (("visualize_volume", array), "array.npy: spacing: missing in a .npy, expected a voxel"),
-        (("visualize_volume", volume, *grid[:2]), "volume.npz: spacing: found"),
-        (("visualize_rig", "paper11_33deg", "--volume", array), "array.npy: spacing: missing"),
-        (("visualize_rig", "paper11_33deg", "--volume", volume, *grid), "a grid of its own"),
-    ):
-        done = run_tool(*arguments, "-o", tmp_path / "none.glb")
-        assert done.exit_code == 2
-        assert len(done.stderr.splitlines()) == 1
-        assert words in done.stderr
-    assert not (tmp_path / "none.glb").exists()
 
 
-@pytest.mark.parametrize("name", ["paper11_33deg", "paper33_pitch"])
-def test_a_preset_to_all_three(run_tool, tmp_path, name):
+def test_a_preset_with_a_volume_to_all_three(run_tool, tmp_path, volume):
+    name = "paper11_33deg"
     outs = [tmp_path / f"rig.{suffix}" for suffix in ("png", "html", "glb")]
     options = [part for out in outs for part in ("-o", out)]
-    done = run_tool("visualize_rig", name, *options, "--json")
+    done = run_tool("visualize_rig", name, "--volume", volume, *options, "--json")
     assert done.exit_code == 0, done.stderr
     result = json.loads(done.stdout)
     assert result["files"] == [str(out) for out in outs]
@@ -98,43 +67,10 @@ def test_volume_to_all_three(run_tool, tmp_path, volume):
     )
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        (("paper11_33deg", "-o", "{}/a.eps"), "expected one of .png"),
-        (("no_such_rig", "-o", "{}/a.png"), "no_such_rig"),
-        (("paper11_33deg", "--grid", "3x4", "-o", "{}/a.png"), "--grid"),
-        (("paper11_33deg", "--volume", "{}/none.npz", "-o", "{}/a.png"), "none.npz"),
-    ],
-)
-def test_bad_input_is_one_line_and_exit_code_2(run_tool, tmp_path, arguments, words):
-    done = run_tool("visualize_rig", *(a.format(tmp_path) for a in arguments))
-    assert done.exit_code == 2
-    assert words in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert list(tmp_path.iterdir()) == []
-
-
-def test_volume_in_another_unit_than_the_rig_s_is_refused(run_tool, tmp_path, volume):
-    data = np.ones(GRID.shape, np.float32)
-    write_volume(tmp_path / "metres.npz", data, GRID, "m")
-    done = run_tool(
-        "visualize_rig", "paper11_33deg", "--volume", tmp_path / "metres.npz", "-o", "x.png"
-    )
-    assert done.exit_code == 2
-    assert "length_unit: found 'm'" in done.stderr
-
-
 @pytest.fixture
 def two_rigs(tmp_path):
-    rig = rigs.ring(
-        4,
-        distance=400.0,
-        image_size=(60, 80),
-        footprint=0.5,
-        pitch_degrees=6.0,
-        volume=rigs.Volume((10, 20, 10), 1.0),
-    )
+    how = {"image_size": (60, 80), "footprint": 0.5, "pitch_degrees": 6.0}
+    rig = rigs.ring(4, distance=400.0, volume=rigs.Volume((10, 20, 10), 1.0), **how)
     moved = replace(rig[2], t=rig[2].t + np.array([2.0, 0.0, 0.0]))
     other = replace(rig, cameras=(*rig.cameras[:2], moved, rig[3]), volume=None)
     rigs.save_rig(rig, tmp_path / "one.yaml")
@@ -161,9 +97,8 @@ def test_two_rigs_are_drawn_and_their_differences_printed(run_tool, tmp_path, tw
         assert words in page
     assert "other cameras/cam02" in trimesh.load(outs[2]).geometry
     assert "ray-miss between both rigs" in done.stderr
-    as_they_stand = run_tool(
-        "visualize_rig", one, "--compare", two, "--no-align", "-o", outs[2], "--json"
-    )
+    given = ("--compare", two, "--no-align", "-o", outs[2], "--json")
+    as_they_stand = run_tool("visualize_rig", one, *given)
     shifts = json.loads(as_they_stand.stdout)["difference"]["cameras"]
     assert shifts["cam00"]["distance"] == pytest.approx(50)
 
@@ -188,34 +123,39 @@ def test_pictures_and_targets_are_layers_of_the_page(run_tool, tmp_path, two_rig
     assert {"images", "targets", "target names", "clicked rays"} <= layers
     pictured = {view["name"]: view["image"] is not None for view in views["views"]}
     assert pictured == {"cam00": True, "cam01": True, "cam02": True, "cam03": False}
-    assert [label["text"] for label in data["labels"] if label["layer"] == "target names"] == [
-        "frame07"
-    ]
+    assert "frame07" in [one["text"] for one in data["labels"] if one["layer"] == "target names"]
+
+
+GRID_TOO = ("--spacing", "1,2,1.5")
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("arguments", "words"),
     [
+        (("visualize_rig", "paper11_33deg", "-o", "a.eps"), "expected one of .png"),
+        (("visualize_rig", "no_such_rig", "-o", "a.png"), "no_such_rig"),
+        (("visualize_rig", "paper11_33deg", "--grid", "3x4", "-o", "a.png"), "--grid"),
+        (
+            ("visualize_rig", "paper11_33deg", "--frame", "1", "-o", "a.png"),
+            "--frame: expected",
+        ),
+        (("visualize_rig", "posed.yaml", "-o", "a.html"), "calibration.target_poses[0]: found"),
+        (("visualize_volume", "array.npy"), "array.npy: spacing: missing in a .npy, expected a"),
+        (("visualize_volume", "volume.npz", *GRID_TOO), "volume.npz: spacing: found"),
+        (("--volume", "none.npz"), "none.npz"),
+        (("--volume", "array.npy"), "array.npy: spacing: missing"),
+        (("--volume", "volume.npz", *GRID_TOO), "a grid of its own"),
+        (("--volume", "metres.npz"), "length_unit: found 'm'"),
         (("--compare", "nowhere.yaml"), "nowhere.yaml: no such rig file"),
-        (("--compare", "paper11_11deg", "--images", "nowhere"), "nowhere: no such folder"),
-        (("--frame", "1"), "--frame: expected --images with it"),
+        (("--images", "nowhere"), "nowhere: no such folder"),
     ],
 )
-def test_bad_company_is_one_line_and_exit_code_2(run_tool, tmp_path, two_rigs, options, words):
-    done = run_tool("visualize_rig", two_rigs[0], *options, "-o", tmp_path / "out.html")
-    assert done.exit_code == 2
-    assert words in done.stderr
-    assert done.stderr.count("\n") == 1
-    assert not (tmp_path / "out.html").exists()
-
-
-def test_poses_of_targets_that_are_none_are_refused(run_tool, tmp_path, two_rigs):
-    rig = replace(rigs.load_rig(two_rigs[0]), calibration={"target_poses": [{"frame": "a"}]})
-    rigs.save_rig(rig, two_rigs[0])
-    done = run_tool("visualize_rig", two_rigs[0], "-o", tmp_path / "out.html")
-    assert done.exit_code == 2
-    assert "calibration.target_poses[0]: found" in done.stderr
-    rigs.save_rig(replace(rig, calibration={"target_poses": 5}), two_rigs[0])
-    done = run_tool("visualize_rig", two_rigs[0], "-o", tmp_path / "out.html")
-    assert done.exit_code == 2
-    assert "calibration.target_poses: found '5', expected a list" in done.stderr
+def test_bad_input_is_one_line(refused, tmp_path, volume, monkeypatch, arguments, words):
+    monkeypatch.chdir(tmp_path)
+    np.save("array.npy", np.load(volume)["data"])
+    write_volume("metres.npz", np.ones(GRID.shape, np.float32), GRID, "m")
+    posed = replace(rigs.preset("paper11_33deg"), calibration={"target_poses": [{"frame": "a"}]})
+    rigs.save_rig(posed, "posed.yaml")
+    rig = () if arguments[0].startswith("visualize") else ("visualize_rig", "paper11_33deg")
+    out = () if "-o" in arguments else ("-o", "none.glb")
+    assert words in refused(*rig, *arguments, *out)

@@ -15,15 +15,8 @@ from tomo.io import write_volume
 TOOLS = Path(__file__).parents[4] / "tools"
 
 
-def ended(tool, *arguments, **settings):
-    command = [sys.executable, TOOLS / tool, *map(str, arguments)]
-    return subprocess.run(
-        command, stderr=subprocess.PIPE, text=True, timeout=120, check=False, **settings
-    )
-
-
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no pipes with a name")
-@pytest.mark.parametrize("name", ["rig.yaml", "scan.yaml", "transforms.json", "a.sfm", "a.npz"])
+@pytest.mark.parametrize("name", ["rig.yaml", "transforms.json", "a.npz"])
 def test_a_pipe_is_refused_where_a_file_is_read(tmp_path, run_tool, name):
     os.mkfifo(tmp_path / name)
     verb = "visualize-volume" if name == "a.npz" else "check-rig"
@@ -47,24 +40,12 @@ def test_an_image_that_is_a_pipe(scan, refused):
     assert "found a pipe or device, expected a file" in done
 
 
-@pytest.mark.parametrize("name", ["a\x1b[31mb.yaml", "a\x9b2Jb.yaml", "a\u202eb.yaml"])
+@pytest.mark.parametrize("name", ["a\x1b[31mb.yaml", "a\u202eb.yaml"])
 def test_control_characters_in_names_do_not_reach_the_terminal(tmp_path, run_tool, name):
     done = run_tool("check-rig", tmp_path / name)
     assert done.exit_code == 2
     assert done.stderr.rstrip("\n").isprintable()
     assert "a\\" in done.stderr
-
-
-@pytest.mark.parametrize("option", ["-o", "--out"])
-def test_an_empty_path_is_not_the_present_folder(tmp_path, monkeypatch, run_tool, option):
-    monkeypatch.chdir(tmp_path)
-    done = run_tool(
-        "simulate", "--rig", "paper11_22deg", "--phantom", "jet", "--grid", "4x4x4",
-        "--spacing", "1", option, "",
-    )  # fmt: skip
-    assert done.exit_code == 2
-    assert "found '', expected a path" in done.stderr
-    assert not list(tmp_path.iterdir())
 
 
 def test_a_volume_of_nothing_but_nan_is_not_drawn(tmp_path, refused):
@@ -77,14 +58,14 @@ def test_a_volume_of_nothing_but_nan_is_not_drawn(tmp_path, refused):
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full")
 def test_json_that_cannot_be_written_is_one_line(tmp_path):
     save_rig(ring(3, distance=60.0, image_size=(12, 18), footprint=0.8), tmp_path / "a.yaml")
-    arguments = ("convert_rig.py", tmp_path / "a.yaml", tmp_path / "b.yaml", "--json")
+    command = [sys.executable, TOOLS / "convert_rig.py", "a.yaml", "b.yaml", "--json"]
     with open("/dev/full", "w") as full:
-        done = ended(*arguments, stdout=full)
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith("error: stdout: ")
-    done = ended(*arguments, preexec_fn=lambda: os.close(1))
-    assert (done.returncode, done.stderr.count("\n")) == (1, 1)
-    assert done.stderr.startswith("error: stdout: ")
+        for stdout in ({"stdout": full}, {"preexec_fn": lambda: os.close(1)}):
+            how = {"cwd": tmp_path, "stderr": subprocess.PIPE, "text": True} | stdout
+            done = subprocess.run(command, **how)
+            assert done.returncode == 1
+            (line,) = done.stderr.splitlines()
+            assert line.startswith("error: stdout: ")
 
 
 def test_loops_that_are_not_to_be_compiled_are_refused(monkeypatch, tmp_path, refused):
@@ -100,9 +81,7 @@ def test_a_terminal_without_columns_shows_what_is_said(monkeypatch, run_tool):
     assert "cam00" in done.stdout
 
 
-@pytest.mark.parametrize(
-    "address", ["nonsense", "tcp://", "tcp://host:99999", "tcp://" + "a" * 5000 + ":8786", ""]
-)
+@pytest.mark.parametrize("address", ["nonsense", "tcp://" + "a" * 5000 + ":8786", ""])
 def test_what_is_no_address_of_a_scheduler_is_not_looked_for(scan, refused, address):
     out = scan.parent / "out.zarr"
     line = refused("reconstruct", scan, "--frames", ":", "--scheduler", address, "-o", out)
