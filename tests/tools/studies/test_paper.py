@@ -7,8 +7,7 @@ import pytest
 import torch
 from studies.paper import study
 from studies.paper.cases import CASE_3, FINE, LAYOUTS, Layout, rig_of, truth_of
-from studies.paper.claims import CLAIMS
-from studies.paper.rows import FULL, PARTS, READINGS, ROWS, TINY
+from studies.paper.rows import CLAIMS, FULL, PARTS, READINGS, ROWS, TINY
 from studies.paper.training import written_settings
 
 from tomo import metrics

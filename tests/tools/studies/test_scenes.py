@@ -5,15 +5,14 @@ import math
 import numpy as np
 import pytest
 from studies.scenes import cameras, scene
-from studies.scenes.absorbers import Cloud, Sheath
 from studies.scenes.exposure import Exposure
 from studies.scenes.faults import FAULTS, Setting
 from studies.scenes.fields import CUT, FAMILIES, KnownField, LaterField
 from studies.scenes.findings import EFFECTS
 from studies.scenes.forward import radiance
+from studies.scenes.media import Cloud, HotCore, Sheath, displacements
 from studies.scenes.recipe import HALVES, Recipe
 from studies.scenes.recording import NOISES, PEDESTAL, TWELVE_BIT, recorded, stored
-from studies.scenes.refraction import HotCore, displacements
 
 import phantoms
 from rigs import Camera

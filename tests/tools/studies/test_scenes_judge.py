@@ -20,45 +20,6 @@ GAIN = dataclasses.replace(PLAIN, fault="gain", size=1)
 CAP = dataclasses.replace(PLAIN, fault="cap", size=0)
 
 
-@pytest.mark.parametrize(
-    ("warning", "expected"),
-    [
-        ("few views: the typical emitting voxel is seen by 3", []),
-        ("the cameras' gains differ by 4.5%", [("gain", None)]),
-        (
-            "camera cam02: it looks like camera cam05's: excluded",
-            [("order", "cam02"), ("order", "cam05")],
-        ),
-        (
-            "5% of camera cam01's light comes from outside the grid. Gains may seem wrong. "
-            "Subtract the background",
-            [("outside", "cam01")],
-        ),
-        ("self-absorption of depth 0.3", [("absorption", None)]),
-        ("camera cam01 contradicts the others", [("unexplained", "cam01")]),
-        ("not to be trusted: unexplained images: missed by 34%", [("unexplained", None)]),
-    ],
-)
-def test_an_older_report_is_read_in_its_words(warning, expected):
-    assert findings_of({"warnings": [warning], "views": CAMERAS}) == expected
-
-
-def test_an_older_answer_is_read_without_its_advice():
-    sentence = (
-        "Not explained: up to 34% of an image stays unexplained beyond its noise; likely causes: "
-        "a uniform background (camera cam03: 0.02); cameras that point elsewhere (camera cam01's "
-        "image lies 2.1 pixels off)."
-    )
-    report = {"answer": {"verdict": "not explained", "sentence": sentence}, "views": CAMERAS}
-    found = [("unexplained", None), ("background", "cam03"), ("pose", "cam01")]
-    assert findings_of(report) == findings_of(findings.essence(report)) == found
-    none = "Not explained: 9% stays unexplained; no cause that was tested explains it. Check that "
-    report["answer"]["sentence"] = none + "no two cameras' images are exchanged"
-    assert findings_of(report) == [("unexplained", None)]
-    report["answer"]["verdict"] = "explained"
-    assert findings_of(report) == []
-
-
 def test_a_report_with_findings_is_read_there():
     listed = [
         {"effect": "fall-off", "camera": None, "size": 0.2},
@@ -67,12 +28,12 @@ def test_a_report_with_findings_is_read_there():
         {"effect": "dark", "camera": "cam02"},
         {"effect": "something new", "camera": "cam03"},
     ]
-    report = {"findings": listed, "warnings": ["gains differ"], "views": CAMERAS}
+    report = {"findings": listed, "verdict": "red", "views": CAMERAS}
     assert findings_of(report) == findings_of(findings.essence(report)) == [
         ("fall-off", None), ("out of step", "cam01"), ("absorption", None), ("dark", "cam02"),
         ("something new", "cam03"),
     ]  # fmt: skip
-    assert findings_of({"findings": [], "warnings": ["gains differ"]}) == []
+    assert findings_of({"findings": []}) == []
     assert verdict_of({"verdict": {"level": "red"}}) == verdict_of({"verdict": "red"}) == "red"
 
 

@@ -1,12 +1,16 @@
 """Waves come back from six rigs down to the wavelengths that the criterion predicts."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from studies.scenes import cameras
+from studies.scenes.forward import radiance
 from studies.stress import resolution
+from studies.stress.resolution import WaveScene
 
 from rigs.check.resolved_wavelength import half_sphere
+from tomo import LinearSystem, VoxelGrid
 
 DIRECTIONS = half_sphere(8)
 
@@ -42,3 +46,43 @@ def test_waves_across_a_view_come_back_and_those_along_all_views_do_not(scenes):
     predicted = scene.predicted(level)
     assert scene.returned(level[predicted.argmax()], 3.0) < 0.4  # between two of them
     assert scene.returned(level[predicted.argmin()], 3.0) > 0.7
+
+
+SIDE = 16
+GRID = VoxelGrid((SIDE,) * 3, 1.0)
+
+
+@dataclass(frozen=True)
+class Waves:
+    """The blob of `WaveScene`, modulated by a plane wave between zero and two."""
+
+    direction: tuple[float, float, float]
+    wavelength: float
+    grid: VoxelGrid = GRID
+
+    @property
+    def reach(self):
+        return self.grid.lower, self.grid.upper
+
+    def __call__(self, points):
+        radius = np.linalg.norm(points, axis=-1) / (SIDE / 2)
+        blob = np.cos(np.pi / 2 * np.clip((radius - 0.55) / 0.4, 0, 1)) ** 2
+        return blob * (1 + np.cos(2 * np.pi / self.wavelength * (points @ self.direction)))
+
+
+@pytest.mark.parametrize(("wavelength", "most"), [(8.0, 0.05), (4.0, 0.05)])
+def test_images_of_waves_are_those_of_dense_sampling(wavelength, most):
+    waves, blob = Waves((0.6, 0.64, 0.48), wavelength), Waves((0.0, 0.0, 0.0), wavelength)
+    rig = cameras.rig("dome-6", waves.grid, 3)
+    scene = WaveScene.of(rig, SIDE)
+    system = LinearSystem.from_rig(rig, scene.fine, skip=False)
+    found = system.projector @ waves(scene.fine.centers().reshape(-1, 3)).astype(np.float32)
+    expected, plain = (
+        np.concatenate([
+            radiance(camera, field).ravel()[pixels]
+            for camera, pixels in zip(rig, system.pixels, strict=True)
+        ])
+        for field in (waves, blob)
+    )  # fmt: skip
+    wave = expected - plain / 2
+    assert np.linalg.norm(found - expected) < most * np.linalg.norm(wave)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from studies.stress import scaling
-from studies.stress.scaling_scene import Scaled
+from studies.stress.scaling import Scaled
 from studies.stress.scene import scene
 
 

@@ -4,8 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from studies.stress.threads import Made, _scan, classic_rows, learned_rows, made_by
-from studies.stress.threads_child import hash_of
+from studies.stress.threads import Made, _scan, classic_rows, hash_of, learned_rows, made_by
 
 from tomo.simulation.effects import Effects
 
@@ -62,5 +61,5 @@ def test_processes_of_one_and_three_threads_make_the_same_bits(tmp_path):
 
 
 def test_a_child_that_fails_says_why(tmp_path):
-    with pytest.raises(RuntimeError, match=r"threads_child .*nowhere"):
+    with pytest.raises(RuntimeError, match=r"threads .*nowhere"):
         made_by(1, tmp_path / "nowhere")

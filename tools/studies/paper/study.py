@@ -15,9 +15,8 @@ from rigs.progress import progress_of
 from studies.common.page import markdown, significant
 from studies.common.results import fresh_run, kept_run
 from studies.common.study import Request, Tables
-from studies.paper.claims import CLAIMS
 from studies.paper.pictures import draw, pictures_of
-from studies.paper.rows import HALF, PARTS, READING_EPOCHS, ROWS, TINY, Row
+from studies.paper.rows import CLAIMS, HALF, PARTS, READING_EPOCHS, ROWS, TINY, Row
 from studies.paper.training import measured_row
 from tomo.cli.console import bad_input_in_one_line, print_json, say
 from tomo.cli.inputs import check_output_folder

@@ -10,10 +10,9 @@ from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter, uniform_filter1d
 
 from rigs import Camera
-from studies.scenes.absorbers import Absorber
 from studies.scenes.fields import Field
 from studies.scenes.forward import radiance
-from studies.scenes.refraction import Bending
+from studies.scenes.media import Absorber, Bending
 
 LIT = 0.02
 """Fraction of an image's maximum above which a pixel counts as showing the flame."""

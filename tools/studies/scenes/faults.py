@@ -11,10 +11,9 @@ import numpy as np
 from rigs import Camera
 from rigs.geometry.rotation import matrix_of_vector
 from studies.scenes import cameras
-from studies.scenes.absorbers import Absorber, Cloud, Sheath
 from studies.scenes.exposure import Exposure
 from studies.scenes.fields import LaterField, WithLamp
-from studies.scenes.refraction import HotCore
+from studies.scenes.media import Absorber, Cloud, HotCore, Sheath
 
 Exposures = tuple[Exposure, ...]
 

@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from studies.scenes import report_fields, settle_fields, special_fields
+from studies.scenes import report_fields, settle_fields
 from studies.scenes.shapes import Shape, waves
 from tomo import VoxelGrid
 
@@ -34,12 +34,12 @@ REPORT = {
     "cut flame": report_fields.cut_flame,
 }
 SPECIAL_SETTLE = {
-    "off-axis cone": special_fields.off_axis_cone,
-    "fine wrinkles": special_fields.fine_wrinkles,
+    "off-axis cone": settle_fields.off_axis_cone,
+    "fine wrinkles": settle_fields.fine_wrinkles,
 }
 SPECIAL_REPORT = {
-    "off-axis plume": special_fields.off_axis_plume,
-    "fine ripples": special_fields.fine_ripples,
+    "off-axis plume": report_fields.off_axis_plume,
+    "fine ripples": report_fields.fine_ripples,
 }
 """Faultless too, and taken for faulty easily: seen by rigs of which half of the views cut the
 flame, or finer than any view resolves."""

@@ -1,13 +1,9 @@
-"""What a report says is wrong: effects and cameras, whichever form the report has.
-
-The one place that reads reports. A report with ``findings`` is read there: objects with ``effect``
-and ``camera``. An older one is read in the words of its warnings and of its answer.
-"""
+"""What a report says is wrong: effects and cameras. The one place that reads reports."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 EFFECTS: Mapping[str, str] = {
@@ -31,15 +27,10 @@ EFFECTS: Mapping[str, str] = {
     "bad pixels": r"outlier|bad pixel|\bhot\b|\bdead\b|column",
     "dark": r"\bcap\b|no light",
 }
-"""Words by which an effect is named in the first sentence of a warning, or as an effect."""
+"""Words by which the name of an effect is known, where it is not a key."""
 
 UNEXPLAINED = "unexplained"
 """The effect of a finding that has none."""
-
-_UNEXPLAINED = r"unexplained|not explained"
-_SENTENCE = r"\. (?=[A-Z])"
-_ADVICE = "no cause that was tested"
-EXPLAINED = "explained"
 
 FIRST = 2
 """Effects of a camera, or of all, that are looked at: the likeliest."""
@@ -54,22 +45,13 @@ class Finding(NamedTuple):
 
 def essence(report: Mapping[str, Any]) -> dict[str, Any]:
     """Return as much of a ``report.json`` as this module reads."""
-    kept = {key: report[key] for key in ("findings", "warnings") if key in report}
-    answer = {key: (report.get("answer") or {}).get(key) for key in ("verdict", "sentence")}
-    return kept | {"answer": answer, "views": list(report.get("views", ()))}
+    return {key: report[key] for key in ("findings", "verdict") if key in report}
 
 
 def findings_of(report: Mapping[str, Any]) -> list[Finding]:
     """Return what a ``report.json`` says is wrong, in its order."""
-    if "findings" in report:
-        listed = [Finding(_effect(one["effect"]), one.get("camera")) for one in report["findings"]]
-        return list(dict.fromkeys(listed))
-    lines = [re.split(_SENTENCE, line)[0] for line in report.get("warnings", ())]
-    answer = report.get("answer") or {}
-    if answer.get("verdict") not in (None, EXPLAINED):
-        lines += answer["sentence"].split(_ADVICE)[0].split(";")
-    names = list(report.get("views", ()))
-    return list(dict.fromkeys(one for line in lines for one in _said(line, names)))
+    listed = (Finding(_effect(o["effect"]), o.get("camera")) for o in report.get("findings", ()))
+    return list(dict.fromkeys(listed))
 
 
 def verdict_of(report: Mapping[str, Any]) -> str:
@@ -118,15 +100,3 @@ def _effect(name: str) -> str:
     plain = name.replace(" ", "-")
     known = next((one for one in (name, plain) if one in EFFECTS), None)
     return known or next((one for one, w in EFFECTS.items() if re.search(w, name)), name)
-
-
-def _said(line: str, names: Sequence[str]) -> Iterator[Finding]:
-    """Yield what one line of an older report says: its effects, in order, of all its cameras."""
-    matches = {effect: re.search(words, line) for effect, words in EFFECTS.items()}
-    places = {effect: match.start() for effect, match in matches.items() if match}
-    effects = sorted(places, key=places.__getitem__)
-    cameras = [name for name in names if re.search(rf"\b{re.escape(name)}\b", line)]
-    if not effects and (cameras or re.search(_UNEXPLAINED, line.lower())):
-        effects = [UNEXPLAINED]
-    for effect in effects:
-        yield from (Finding(effect, camera) for camera in cameras or (None,))

@@ -12,9 +12,8 @@ from numpy.typing import NDArray
 from scipy.ndimage import maximum_filter
 
 from rigs.camera_protocol import CameraLike
-from studies.scenes.absorbers import Absorber
 from studies.scenes.fields import Field
-from studies.scenes.refraction import Bending, displacements
+from studies.scenes.media import Absorber, Bending, displacements
 
 STEP = 0.25
 """Voxels between two samples of a ray. Sheets half a voxel thick are added to 1e-6."""

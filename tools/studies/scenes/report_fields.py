@@ -141,3 +141,31 @@ def cut_flame(random: np.random.Generator, half: NDArray) -> Shape:
         return (front * start * end * light * fade(points, half, "xz")).astype(np.float32)
 
     return emission
+
+
+def off_axis_plume(random: np.random.Generator, half: NDArray) -> Shape:
+    """Return a wide, patchy plume beside the axis that widens upwards."""
+    angle, patches = random.uniform(0, 2 * np.pi), waves(random, 6, 9, 34)
+    foot = (0.4 * min(half[0], half[2]) * np.array([np.cos(angle), np.sin(angle)])).astype("f4")
+    width = random.uniform(1.6, 2.2)
+
+    def emission(points: Points) -> Values:
+        height = points[:, 1] / np.float32(2 * half[1]) + np.float32(0.5)
+        square = (points[:, 0] - foot[0]) ** 2 + (points[:, 2] - foot[1]) ** 2
+        density = np.clip(0.75 + 0.35 * patches(points), 0.05, None)
+        spread = np.float32(width) * (1 + np.clip(height, 0, 1))
+        return np.exp(-0.5 * square / spread**2) * density * fade(points, half)
+
+    return emission
+
+
+def fine_ripples(random: np.random.Generator, half: NDArray) -> Shape:
+    """Return a round cloud whose density changes by a half over one to two and a half voxels."""
+    ripple, middle = waves(random, 40, 1.0, 2.5), random.uniform(-0.15, 0.15, 3) * half
+
+    def emission(points: Points) -> Values:
+        away = (points - middle.astype(np.float32)) / (0.65 * half).astype(np.float32)
+        round_ = smooth_step(2 * (1 - np.square(away).sum(axis=1)))
+        return round_ * np.clip(1 + 0.5 * ripple(points), 0, None) * fade(points, half)
+
+    return emission

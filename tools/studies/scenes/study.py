@@ -27,7 +27,7 @@ from tomo.cli.declared import command_line
 from tomo.cli.inputs import check_output_folder
 
 JUDGE = "judge"
-PARTS = JUDGE, "accuracy", "ablation", "resolution", "intervals", "learned"
+PARTS = JUDGE, "accuracy", "ablation", "intervals", "learned"
 
 QUICK_SECONDS = 660
 """From which no scene of a quick run is begun: it ends within a quarter of an hour."""

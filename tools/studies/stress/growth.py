@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Iterator
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -67,6 +68,7 @@ def _rows(request: Request) -> Iterator[Row]:
     request.progress(len(GROWING), len(GROWING), "")
 
 
+@cache
 def point(edge: int, views: int, width: int, seed: int) -> dict[str, Any]:
     """Simulate a scan and reconstruct it in a process of its own."""
     grid = VoxelGrid((edge, 2 * edge, edge), BOX[0] / edge)

@@ -1,26 +1,41 @@
-"""Threads and repeats: the same bits, whatever a machine has and however often one asks."""
+"""Threads and repeats: the same bits, whatever a machine has and however often one asks.
+
+``python -m studies.stress.threads SCAN VOLUME [wernet]`` is one of the processes, with its number
+of threads: it writes the volume of WERNet, or of the default method, to VOLUME (.npy), and prints
+the SHA-256 of each result.
+"""
 
 from __future__ import annotations
 
+import hashlib
+import json
+import sys
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
 from studies.common.study import Request, Tables
 from studies.common.timing import in_fresh_process
 from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
-from studies.stress.scene import jet_by, ring
+from studies.stress.scene import Scene, jet_by, ring, scene_of, solved
+from tomo import load_scan
+from tomo.hull import carve
+from tomo.inference.infer import infer
+from tomo.measurement import estimate_noise
+from tomo.model import Absorbing, Gain, Observation, Pose
+from tomo.pipeline import Options, reconstruct
 from tomo.simulation.effects import Effects
 
 __all__ = ["COLUMNS", "run"]
 
 POOLS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-CHILD = "studies.stress.threads_child"
+CHILD = "studies.stress.threads"
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,3 +167,77 @@ def _scan(folder: Path, cameras: int, effects: Effects) -> None:
 
 def _listed(made: Sequence[Made]) -> str:
     return ", ".join(str(one.threads) for one in made)
+
+
+LEARNED_ROUNDS = 2
+
+SETTINGS = (
+    ("mlem", {"subsets": 4}),
+    ("sirt", {"subsets": 4}),
+    ("cgls", {"nonnegative": False, "strength": 1e-3}),
+    ("nnls", {"nonnegative": False}),
+)
+"""Settings of methods that are tried in addition to their defaults."""
+
+
+def main(arguments: Sequence[str]) -> None:
+    """Hash what the arguments name."""
+    scan, volume = map(Path, arguments[:2])
+    named = dict(_learned(scan) if arguments[2:] == ["wernet"] else _classic(scan))
+    np.save(volume, next(iter(named.values())))
+    hashes = {name: hash_of(array) for name, array in named.items()}
+    sys.stdout.write(json.dumps(hashes))
+
+
+def hash_of(array: NDArray) -> str:
+    """Return the SHA-256 of an array's bytes."""
+    return hashlib.sha256(np.ascontiguousarray(array).tobytes()).hexdigest()
+
+
+def _classic(folder: Path) -> Iterator[tuple[str, NDArray]]:
+    scan = load_scan(folder)
+    images, masks = scan.read()
+    yield "default method", reconstruct(scan, options=Options(uncertainty=0)).solution.volume
+    seen = scene_of(ring(len(scan.rig)), noise=0.02)
+    yield "simulated images", np.stack(list(seen.simulated.images.values()))
+    for form, projector in (("stored", seen.stored), ("on the fly", seen.on_the_fly)):
+        yield f"projection, {form}", projector @ seen.truth.ravel()
+        yield f"back-projection, {form}", projector.T @ seen.measured
+    for name, method, projector in seen.cases():
+        yield name, solved(method, projector, seen.measured, 5).volume
+    for method, settings in SETTINGS:
+        found = solved(method, seen.stored, seen.measured, 5, **settings)
+        yield f"{method}, {', '.join(settings)}", found.volume
+    yield from _fewer(seen)
+    cameras = tuple(scan.rig)
+    yield "carving", carve(cameras, images, masks, scan.grid).active.mask
+    few = replace(scan.rig, cameras=cameras[:5])
+    noise = tuple(map(estimate_noise, images[:5], masks[:5]))
+    one = Observation(few, tuple(images[:5]), tuple(masks[:5]), noise, scan.grid)
+    found = infer([one], (Gain(), Pose(), Absorbing(own=False)), asked=("gain", "pose", "medium"))
+    for name, values in found.state.values.items():
+        yield name, values
+
+
+def _fewer(seen: Scene) -> Iterator[tuple[str, NDArray]]:
+    """Run methods on some of the process's threads; ``mlem, stored @ 1`` has to be as all."""
+    most = numba.get_num_threads()
+    for threads in range(1, most):
+        numba.set_num_threads(threads)
+        for name, method, projector in seen.cases():
+            if method in ("mlem", "nnls", "tv"):
+                yield f"{name} @ {threads}", solved(method, projector, seen.measured, 5).volume
+    numba.set_num_threads(most)
+
+
+def _learned(folder: Path) -> Iterator[tuple[str, NDArray]]:
+    found = reconstruct(
+        load_scan(folder), options=Options(method="wernet", iterations=LEARNED_ROUNDS)
+    )
+    yield "wernet", found.solution.volume
+    if found.learned is None:
+        raise SystemExit("wernet learned nothing: its threads are not tried")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
