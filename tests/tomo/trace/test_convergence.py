@@ -18,7 +18,7 @@ falls like ``exp(-2 (π s q)²)``: only axes with ``|d_i|`` of the order of ``h 
 - A ray parallel to an axis has the same offset to the voxels' centres in every voxel: first order,
   and second when it runs through the centres.
 - In any other fixed direction the offsets average out along the ray: ``O(h²)`` is left.
-- Over isotropic random rays a share of the order of ``h`` is nearly parallel to a plane of the axes
+- Over isotropic random rays a share of the order of ``h`` is nearly parallel to a plane of axes
   and has an error of the order of ``h``: the root mean square falls like ``h^(3/2)``.
 - Over a pixel one voxel wide or more ``S`` has mean zero: second order in every direction.
 
