@@ -108,10 +108,10 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
     with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
         assert methods.AUTO == solve.AUTO == "other"
     assert methods.AUTO == solve.AUTO == before
-    infer, wernet = map(import_module, ("tomo.pipeline.infer", "tomo.wernet.wernet"))
-    assert infer.FEWEST_VIEWS == wernet.FEWEST_VIEWS == 3
-    with patches.patched({"tomo.pipeline.infer.FEWEST_VIEWS": 4}):
-        assert (infer.FEWEST_VIEWS, wernet.FEWEST_VIEWS) == (4, 3)
+    placed, left_out = map(import_module, ("tomo.inference.misplaced", "tomo.inference.left_out"))
+    assert placed.BETTER == left_out.BETTER == 0.5
+    with patches.patched({"tomo.inference.left_out.BETTER": 0.4}):
+        assert (placed.BETTER, left_out.BETTER) == (0.5, 0.4)
     with (
         pytest.raises(ValueError, match=r"--set: found 'tomo\.solvers\.nothing\.X'"),
         patches.patched({"tomo.solvers.nothing.X": 1}),

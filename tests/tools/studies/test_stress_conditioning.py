@@ -2,27 +2,27 @@
 
 import numpy as np
 import pytest
-from studies.stress import focus, stops, weak_rigs
+from studies.stress import conditioning, geometry, stops
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
 
 @pytest.fixture(autouse=True)
 def _few(monkeypatch):
-    monkeypatch.setattr(weak_rigs, "VIEWS", (2, 5, 3, 5, 9))
+    monkeypatch.setattr(conditioning, "VIEWS", (2, 5, 3, 5, 9))
 
 
 def test_a_fan_spans_its_angle():
     def positions(rig):
         return np.array([camera.position for camera in rig])
 
-    ends = positions(weak_rigs.fan())[[0, -1]][:, [0, 2]]  # seen from above
+    ends = positions(conditioning.fan())[[0, -1]][:, [0, 2]]  # seen from above
     cosine = ends[0] @ ends[1] / np.prod(np.linalg.norm(ends, axis=1))
-    assert np.degrees(np.arccos(cosine)) == pytest.approx(weak_rigs.FAN)
+    assert np.degrees(np.arccos(cosine)) == pytest.approx(conditioning.FAN)
 
 
 def test_rows_of_rigs_hold():
-    found = list(weak_rigs.rig_rows(quick=True))
+    found = list(conditioning.rig_rows(quick=True))
     assert len(found) == 5
     assert all(row.holds for row in found)
 
@@ -36,6 +36,6 @@ def test_the_error_turns_and_the_chosen_stop_is_near_its_lowest():
 
 
 def test_rows_of_focus_hold():
-    found = list(focus.focus_rows(quick=True))
+    found = list(geometry.focus_rows(quick=True))
     assert len(found) == 3
     assert all(row.holds for row in found)
