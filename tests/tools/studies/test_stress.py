@@ -2,11 +2,15 @@
 
 import json
 import math
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
-from studies.stress import STUDY
+from studies.stress import STUDY, growth, order
 from studies.stress.row import Chart, Row, charts, measured, relative_error, worst_of
+from studies.stress.scene import jet_by, ring
+
+from rigs import Rig
 
 
 def test_every_part_has_a_module_with_what_the_page_needs():
@@ -56,3 +60,22 @@ def test_the_command_runs_the_part_it_is_asked_for(run_tool, tmp_path, monkeypat
     assert done.exit_code == 0, (done.stderr, done.exception)
     parts = json.loads(done.stdout)["parts"]
     assert parts["scaling"]["tables"]["rows"][0]["stress"] == "once"
+
+
+@pytest.mark.parametrize(("power", "holds"), [(0.7, True), (1.5, False)])
+def test_growth_is_the_power_of_a_line_through_logarithms(power, holds):
+    points = [{"views": n, "cpu_seconds": 0.3 * n**power} for n in (6, 12, 24, 48)]
+    row = growth.growth_row("cpu_seconds", "views", points, first=True)
+    (fit,) = row.lines["fits"]
+    assert fit["slope"] == pytest.approx(power)
+    assert fit["uncertainty"] == pytest.approx(0, abs=1e-6)
+    assert row.holds is holds
+
+
+def test_an_order_of_cameras_that_changes_the_volume_does_not_hold(monkeypatch):
+    scan = jet_by(ring(5), noise=0.02).scan
+    backwards = list(scan.rig.names[::-1])
+    assert all(row.holds for row in order.order_rows("as it is", scan, [backwards]))
+    without_one = replace(scan, rig=Rig(scan.rig[:-1]))
+    monkeypatch.setattr(order, "reordered", lambda *_: without_one)
+    assert not next(order.order_rows("a camera is lost", scan, [backwards])).holds
