@@ -29,7 +29,6 @@ if __name__ == "__main__":
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 from rigs.files import atomic_path  # noqa: E402
-from rigs.files.text import write_json  # noqa: E402
 from studies.common.fingerprint import hash_of  # noqa: E402
 from studies.common.page import cell, markdown, significant  # noqa: E402
 
@@ -165,22 +164,42 @@ def _command(study: str, part: str, command: str | None = None) -> str:
 
 
 def main(runs: Iterable[str]) -> None:
-    """Take the tables of runs that pages show into the figures, and write the tables of pages."""
+    """Take what pages show of runs into the figures, and write the tables of pages."""
     figures = json.loads(FIGURES.read_text("utf-8")) if FIGURES.is_file() else {}
     texts = {page: page.read_text("utf-8") for page in pages()}
-    places = (place for text in texts.values() for place in PLACE.finditer(text))
-    shown = {tuple(place[2].partition(";")[0].split()) for place in places}
+    shown = _shown(texts.values())
     for path in runs:
         run = json.loads(Path(path).read_text("utf-8"))
         for part, record in run["parts"].items():
-            tables = record["tables"].items()
-            record["tables"] = {t: rows for t, rows in tables if (run["study"], part, t) in shown}
+            record["tables"] = {
+                table: [{key: row[key] for key in row if key in keys} for row in rows]
+                for table, rows in record["tables"].items()
+                if (keys := shown.get((run["study"], part, table)))
+            }
         figures = with_run(figures, run)
     written = {page: with_tables(text, figures, page.name) for page, text in texts.items()}
-    write_json(FIGURES, figures, indent=1)
-    for page, text in written.items():
+    for page, text in ({FIGURES: _a_line_a_row(figures)} | written).items():
         with atomic_path(page) as temporary:
             temporary.write_text(text, "utf-8")
+
+
+def _shown(texts: Iterable[str]) -> dict[tuple[str, ...], set[str]]:
+    """Return the keys that pages show or choose rows by, of each study, part and table."""
+    found: dict[tuple[str, ...], set[str]] = {}
+    for place in (place for text in texts for place in PLACE.finditer(text)):
+        address, columns, *chosen = place[2].split(";")
+        keys = found.setdefault(tuple(address.split()), set())
+        for one in map(_Column.parsed, _split(columns)):
+            keys.update((one.key, *one.by))
+        keys.update(re.findall(r"(\w+)=", " ".join(chosen)))
+    return found
+
+
+def _a_line_a_row(figures: Figures) -> str:
+    """Return the figures as JSON whose innermost lists and objects take one line each."""
+    text = json.dumps(figures, indent=1, ensure_ascii=False, allow_nan=False)
+    inner = re.compile(r"[{[][^][{}]*[]}]")
+    return inner.sub(lambda found: re.sub(r"\n\s*", " ", found[0]), text) + "\n"
 
 
 def _is_chosen(row: Mapping[str, Any], conditions: str) -> bool:
