@@ -94,9 +94,12 @@ def shared_legend(figure: Figure, panels: Sequence[Sequence[Axes]], across: int 
         for axes in row:
             for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
                 handles.setdefault(label, handle)
-    lines = math.ceil(len(handles) / across)
+    widest = 0.5 + 0.055 * max(map(len, handles), default=0)  # inches, at this size of letters
+    columns = max(1, min(len(handles), across, int(figure.get_figwidth() / widest)))
+    lines = math.ceil(len(handles) / columns)
     figure.legend(
-        handles.values(), handles.keys(), loc="upper center", ncols=min(len(handles), across),
+        handles.values(), handles.keys(), loc="upper center", ncols=columns,
         fontsize=7.5, frameon=False,
     )  # fmt: skip
+    figure.set_figheight(figure.get_figheight() + 0.2 * max(0, lines - 3))
     figure.tight_layout(rect=(0, 0, 1, 1 - (0.1 + 0.2 * lines) / figure.get_figheight()))
