@@ -5,7 +5,8 @@ from studies import refinement
 from studies.common.study import Request
 
 
-def test_a_small_rig_is_refined():
+def test_a_small_rig_is_refined(monkeypatch):
+    monkeypatch.setattr(refinement, "NOISES", (0.005,))
     tables = refinement.run(Request("tiny"))
     (row,) = tables["disturbed_rigs"]
     assert row["before_pixels"] > 0.4
@@ -14,3 +15,5 @@ def test_a_small_rig_is_refined():
     assert true["before_pixels"] == pytest.approx(0, abs=1e-9)
     assert true["after_pixels"] < 0.1
     assert "plume" not in tables
+    (gains,) = tables["gains"]
+    assert gains["worst_error"] < 0.1 * gains["spread"]
