@@ -79,7 +79,7 @@ class Pace:
         self._began = self._since = time.perf_counter()
 
     def stage(self, name: str) -> Progress | None:
-        """Begin a stage, which ends the one before; return what its parts are told to."""
+        """Begin a stage, which ends the one before; return a callable for its progress."""
         self.end()
         self._stage = name
         if self.watch:

@@ -74,13 +74,11 @@ def with_tables(text: str, figures: Figures, where: str) -> str:
         record = figures.get(study, {}).get(part)
         if record is None:
             return f"{place[1]}Not measured yet: {_command(study, part)}\n{place[3]}"
-        try:
-            rows = [row for row in record["tables"][table] if _is_chosen(row, "".join(chosen))]
-            known = {key for row in rows for key in row}
-        except KeyError:
-            raise ValueError(f"{where}: no rows of {place[2]!r} in {FIGURES.name}") from None
+        conditions = _conditions("".join(chosen))
+        rows = [row for row in record["tables"].get(table, ()) if _is_chosen(row, conditions)]
         if not rows:
             raise ValueError(f"{where}: no rows of {place[2]!r} in {FIGURES.name}")
+        known = {key for row in rows for key in row}
         wanted = [_Column.parsed(words) for words in _split(columns)]
         for key in (key for one in wanted for key in (one.key, *one.by) if key not in known):
             raise ValueError(f"{where}: {address}: found no column {key}")
@@ -136,9 +134,8 @@ def _made(record: Mapping[str, Any]) -> str:
     """Return where and at what cost a part was measured."""
     cpu, cores = (record["machine"][key] for key in ("cpu", "cores"))
     size = "" if record["size"] == "full" else f", size {record['size']}"
-    cost = ""
-    if seconds := record.get("cpu_seconds"):
-        cost = f"; the part took {significant(seconds / 60, 2)} minutes of a core"
+    seconds = record.get("cpu_seconds")
+    cost = f"; the part took {significant(seconds / 60, 2)} minutes of a core" if seconds else ""
     return f"Commit {record['commit']}{size}; {cpu}, {cores} cores{cost}."
 
 
@@ -186,12 +183,11 @@ def main(runs: Iterable[str]) -> None:
 def _shown(texts: Iterable[str]) -> dict[tuple[str, ...], set[str]]:
     """Return the keys that pages show or choose rows by, of each study, part and table."""
     found: dict[tuple[str, ...], set[str]] = {}
-    for place in (place for text in texts for place in PLACE.finditer(text)):
+    for place in PLACE.finditer("\n".join(texts)):
         address, columns, *chosen = place[2].split(";")
         keys = found.setdefault(tuple(address.split()), set())
-        for one in map(_Column.parsed, _split(columns)):
-            keys.update((one.key, *one.by))
-        keys.update(re.findall(r"(\w+)=", " ".join(chosen)))
+        wanted = map(_Column.parsed, _split(columns))
+        keys.update(*((one.key, *one.by) for one in wanted), _conditions("".join(chosen)))
     return found
 
 
@@ -202,9 +198,13 @@ def _a_line_a_row(figures: Figures) -> str:
     return inner.sub(lambda found: re.sub(r"\n\s*", " ", found[0]), text) + "\n"
 
 
-def _is_chosen(row: Mapping[str, Any], conditions: str) -> bool:
-    wanted = dict(re.findall(r"(\w+)=(.*?)(?=\s+\w+=|$)", conditions))  # values may have spaces
-    return all(str(row[key]) in values.split(",") for key, values in wanted.items())
+def _is_chosen(row: Mapping[str, Any], conditions: Mapping[str, str]) -> bool:
+    return all(str(row.get(key)) in values.split(",") for key, values in conditions.items())
+
+
+def _conditions(words: str) -> dict[str, str]:
+    """Return the values by key that rows are chosen by; values may have spaces."""
+    return dict(re.findall(r"(\w+)=(.*?)(?=\s+\w+=|$)", words))
 
 
 if __name__ == "__main__":

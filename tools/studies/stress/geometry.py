@@ -25,7 +25,7 @@ DISTANCES = (4.0, 1e2, 1e4, 1e6, 1e8)
 """Voxels from the middle of a grid of 12 x 28 x 12; the first is inside."""
 
 WIDTHS = (1e-9, 1e-3, 1e3, 1e9)
-"""Of a voxel, in units of length."""
+"""Widths of a voxel, in units of length."""
 
 EXACT = {np.float64: 1e-12, np.float32: 1e-6}
 """Bounds of the error of an adjoint."""

@@ -20,7 +20,7 @@ __all__ = ["COLUMNS", "run"]
 NOISE = 0.02
 ORDERS, QUICK_ORDERS = 3, 1
 ROUNDING = 1e-4
-"""Of the volume's norm: sums in another order, in single precision, through some thirty solves."""
+"""Part of the volume's norm: sums in another order, in float32, through some thirty solves."""
 
 WRONG = 3
 
