@@ -21,17 +21,8 @@ def in_order(
 ) -> tuple[NDArray, NDArray[np.float64], NDArray[np.float64]]:
     """Return values ``(nx, ny, nz)`` with axes along x, y and z, first voxel and spacing.
 
-    Axes that run against the world's are flipped, and the origin moves to their other end.
-
-    Parameters
-    ----------
-    data : (n0, n1, n2)
-    origin : (3,)
-        World position of voxel (0, 0, 0)'s centre.
-    steps : (3, 3)
-        Row i is the way from a voxel to the next one along axis i of ``data``.
-    field : str
-        The file's name of them, for the error.
+    ``steps`` ``(3, 3)``: row i leads from a voxel to the next along axis i of ``data``. Axes that
+    run against the world's are flipped, and the origin moves to their other end.
     """
     steps = np.asarray(steps, np.float64)
     if spacing is not None and not (spacing > 0).all():

@@ -26,8 +26,7 @@ _CELL, _UNKNOWN = "cell", ("???", "none", "")
 def located(header: dict[str, Any], data: NDArray) -> tuple[NDArray, NDArray, NDArray, str]:
     """Return values ``(nx, ny, nz)``, the centre of voxel (0, 0, 0), spacing and length unit.
 
-    An axis without a centering is taken by nodes, as Teem takes it: its ends are the centres of
-    the first and the last voxel. Those of cells are the voxels' outer faces.
+    As in Teem, ends of an axis are centres of voxels, or outer faces where centering is cell.
     """
     unit = _unit(header)
     if "space directions" in header:

@@ -36,8 +36,7 @@ def create_array(
 ) -> zarr.Array:
     """Make an array whose chunks end in the CRC-32C of their compressed bytes.
 
-    A chunk that holds nothing but the fill value is written like any other: a chunk that is
-    missing was never written, or was lost.
+    All are written: a chunk that is missing was never written, or was lost.
     """
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
@@ -81,14 +80,7 @@ def chunk_file(folder: Path, array: zarr.Array, *place: int) -> Path:
 def reading_chunk(file: Path, words: str, *, needed: bool = True) -> Iterator[None]:
     """Turn what a library says of a damaged chunk into one line that names file and frame.
 
-    Parameters
-    ----------
-    file : Path
-        The chunk's.
-    words : str
-        What it holds, such as ``"frame 3"``.
-    needed : bool
-        Whether a missing file is damage; else it stands for values that were never written.
+    ``words`` say what it holds. A file that is not ``needed`` may be missing: never written.
     """
     try:
         if file.is_file() and not file.stat().st_size:
@@ -189,13 +181,7 @@ class VolumeFilm:
         return self._values.shape[0]
 
     def read(self, number: int) -> Volume:
-        """Return the volume of a frame.
-
-        Raises
-        ------
-        ValueError
-            If there is no such frame, or it is damaged or not written.
-        """
+        """Return the volume of a frame, if it is there and sound."""
         if not 0 <= number < self.n_frames:
             raise ValueError(
                 f"{self.path}: frame {number}: found {self.n_frames} frames, expected more"

@@ -25,25 +25,16 @@ of sharp edges; higher: a camera that is a pixel off."""
 class Answer:
     """Whether a volume explains the images that it was reconstructed from.
 
-    Attributes
-    ----------
-    worst : View, optional
-        The view that is explained least; None where no image is known or all are dark. The
-        sentence does not name it where it is not explained: wrong voxels miss some view most.
-    views : int
-        How many took part.
-    missed : float
-        Root mean square over the views of their residuals beyond noise, each relative to its view.
-    preview : str
-        What the sentence begins with where this is a preview.
+    The sentence does not name the worst view where it is not explained: wrong voxels miss some
+    view most.
     """
 
     verdict: str
-    worst: View | None = None
-    views: int = 0
+    worst: View | None = None  # explained least; None where no image is known or all are dark
+    views: int = 0  # how many took part
     excluded: tuple[str, ...] = ()
-    missed: float = 0.0
-    preview: str = ""
+    missed: float = 0.0  # root mean square of the views' relative residuals beyond noise
+    preview: str = ""  # what the sentence begins with where this is a preview
 
     @property
     def sentence(self) -> str:

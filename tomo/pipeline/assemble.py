@@ -148,12 +148,8 @@ ENDS = ("near", "far")
 def depth_of_field(rig: Rig, grid: VoxelGrid, options: Options) -> dict[str, Any] | None:
     """Return how depth of field was modelled; None where lenses were pinholes.
 
-    Returns
-    -------
-    dict
-        ``in_words``; ``rays``, of a pixel; ``near`` and ``far``, each with the diameter of the
-        circle of confusion at that end of the grid by camera, in the rig's length unit, and
-        ``near_pixels`` and ``far_pixels``.
+    ``near`` and ``far`` hold the circle of confusion at that end of the grid by camera, in the
+    rig's length unit, ``near_pixels`` and ``far_pixels`` the same in pixels.
     """
     if options.aperture_rays == 1:
         return None

@@ -21,16 +21,10 @@ from tomo.uncertainty import assess as assess_volume
 
 @dataclass(frozen=True, eq=False)
 class Assessed:
-    """The uncertainty of the volume, and whether views and cameras agree.
-
-    Attributes
-    ----------
-    unseen : (nx, ny, nz) bool
-        True where no usable ray of any camera crosses the voxel.
-    """
+    """The uncertainty of the volume, and which voxels no camera sees."""
 
     uncertainty: Assessment | None
-    unseen: NDArray[np.bool_]
+    unseen: NDArray[np.bool_]  # (nx, ny, nz): no usable ray of any camera crosses
     record: Record = Record()
 
 
@@ -42,7 +36,7 @@ def assess(
 ) -> Assessed:
     """Solve a known answer like the volume with new noise, and see how far off that is.
 
-    ``light_error`` is what is not known of the total light beside, relative.
+    ``light_error`` is what else is not known of the total light, relative.
     """
     uncertainty = None
     system, unseen = solved.system, solved.built.system.unseen

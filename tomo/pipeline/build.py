@@ -55,19 +55,9 @@ def in_basis(
     against: str,
     variances: Sequence[float] | None = None,
 ) -> tuple[LinearSystem, Basis]:
-    """Return the system in the basis that is asked for, or linear where that is possible.
+    """Return the system, which is in the voxel basis, in the one asked for or linear if possible.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        In the voxel basis.
-    asked : {"auto", "voxel", "linear"}
-    supersample : int
-        Rays along each side of a pixel.
-    against : str
-        Why the method keeps the voxel basis; empty where it need not.
-    variances : sequence of float, optional
-        Of the blur of each camera's image, which the linear basis alone can have.
+    ``against`` is why the method keeps voxels, ``variances`` those of the blur of each image.
     """
     if asked == LINEAR:
         return system.with_linear_basis(supersample, variances), Basis(LINEAR, "as asked for")
@@ -108,32 +98,21 @@ def _reason_of_system(system: LinearSystem, supersample: int) -> str:
 
 @dataclass(frozen=True, eq=False)
 class WeightedSystem:
-    """The equations to solve: an operator, the measured pixels, and the weights of these.
-
-    Attributes
-    ----------
-    weights : (pixels,) float32, optional
-        How much each pixel counts for the default method and what starts from it; None: all alike.
-    choice : Choice, optional
-        The default's for just these equations, where it is known already.
-    """
+    """The equations to solve: an operator, the measured pixels, and the weights of these."""
 
     system: LinearSystem
     measured: NDArray[np.float32]
-    weights: NDArray[np.float32] | None
+    weights: NDArray[np.float32] | None  # (pixels,), for methods that start from the default
     weighting: dict[str, Any]
     basis: Basis
     absorption: Absorption = TRANSPARENT
-    choice: Choice | None = None
+    choice: Choice | None = None  # the default's for just these equations, where known
     place: str = ON_CPU
     record: Record = Record()
 
 
 def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> WeightedSystem:
-    """Choose the unknowns and weigh the pixels, of images as given, through gas that is known.
-
-    The equations go to a device here, where the options want that.
-    """
+    """Choose the unknowns, weigh the pixels, take the equations through gas to their device."""
     methods = methods_of(options)
     with timed() as stage:
         against = "" if methods[0].through_lenses else f"{methods[0].name} goes ray by ray"
@@ -156,10 +135,7 @@ def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> Weigh
 def weigh_images(
     rig: Rig, grid: VoxelGrid, images: Images, masks: Masks, noise: Sequence[NoiseModel]
 ) -> PixelWeights:
-    """Weigh the pixels of a rig's images by their noise and by what voxels can explain.
-
-    See `tomo.measurement.weigh_pixels`; a voxel is as many pixels across as in the grid's middle.
-    """
+    """Weigh pixels by their noise and by what voxels, as wide as in the grid's middle, explain."""
     return weigh_pixels(images, masks, noise, max(grid.spacing) / rig.footprint(grid.center))
 
 

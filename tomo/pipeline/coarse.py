@@ -39,27 +39,13 @@ def factor_of(rig: Rig, grid: VoxelGrid, segments: int = SEGMENTS) -> int:
 
 @dataclass(frozen=True, eq=False)
 class CoarseCopy:
-    """Frames in larger pixels and voxels, less levels of the views, in units of a power of two.
+    """Frames in larger pixels and voxels, less levels of the views, in units of a power of two."""
 
-    Attributes
-    ----------
-    frames : tuple of Observation
-        Of the same cameras and usable pixels: those in sight of the grid.
-    factor : int
-        Pixels of the images as recorded along one of the copy.
-    power : int
-        The unit is ``2**power``: single precision holds no extremes.
-    levels : (views,) float64
-        What was subtracted from each view, in the images' own unit.
-    active : ActiveVoxels, optional
-        The voxels that dark pixels do not prove empty in all frames; None for all.
-    """
-
-    frames: tuple[Observation, ...]
-    factor: int
-    power: int
-    levels: NDArray[np.float64]
-    active: ActiveVoxels | None
+    frames: tuple[Observation, ...]  # of the same cameras, and pixels in sight of the grid
+    factor: int  # pixels as recorded along one of the copy
+    power: int  # the unit is 2**power: single precision holds no extremes
+    levels: NDArray[np.float64]  # (views,), subtracted from each, in the images' own unit
+    active: ActiveVoxels | None  # not proved empty by dark pixels in all frames; None for all
 
     @classmethod
     def of(

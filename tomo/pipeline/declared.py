@@ -18,24 +18,12 @@ from tomo.operators.gpu.names import DEVICES, device_number
 
 @dataclass(frozen=True)
 class Check:
-    """How a value is accepted.
+    """How a value is accepted."""
 
-    Attributes
-    ----------
-    expected : str
-        The values allowed, for messages: ``found X, expected ...``.
-    convert : callable
-        Returns the value in the option's own type, or raises ValueError or TypeError.
-    choices : tuple of str
-        The words allowed where there is nothing else.
-    metavar : str, optional
-        What stands for a value in ``--help`` where its option names nothing else.
-    """
-
-    expected: str
-    convert: Callable[[Any], Any]
-    choices: tuple[str, ...] = ()
-    metavar: str | None = None
+    expected: str  # the values allowed, for messages: found X, expected ...
+    convert: Callable[[Any], Any]  # to its own type; raises ValueError or TypeError
+    choices: tuple[str, ...] = ()  # the words allowed where there is nothing else
+    metavar: str | None = None  # stands for a value in --help
 
     def instead_of(self, value: Any) -> str:
         """Return what was expected instead of a value, or what it is like."""
@@ -227,13 +215,7 @@ class Declared:
 
     @classmethod
     def from_mapping(cls, values: Mapping[str, Any]) -> Self:
-        """Return the options of a mapping such as report.json's ``settings``.
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown, or a value is not allowed.
-        """
+        """Return the options of a mapping such as report.json's ``settings``, each checked."""
         return cls(**values)
 
     def but(self, **others: Any) -> Self:

@@ -39,12 +39,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Reference:
-    """The truth of a simulated scan that a reconstruction is compared with.
-
-    Attributes
-    ----------
-    truth : (nx, ny, nz) float32, optional
-    """
+    """The truth ``(nx, ny, nz)`` of a simulated scan that a volume is compared with."""
 
     truth: NDArray[np.float32] | None
     record: Record = Record()
@@ -60,23 +55,13 @@ class Reference:
 
 @dataclass(frozen=True, eq=False)
 class Evaluated:
-    """The solutions with their figures, and every camera's image beside its re-projection.
-
-    Attributes
-    ----------
-    views : tuple of View
-        One a camera, in the rig's order.
-    compared : tuple of mappings
-        For each comparison, by held-out camera: those of `View.held_out_figures`.
-    learned : LearnedWeights, optional
-        The learned weights over the segment lengths.
-    """
+    """The solutions with their figures, and every camera's image beside its re-projection."""
 
     solution: Solution
     comparisons: tuple[Solution, ...]
-    views: tuple[View, ...]
+    views: tuple[View, ...]  # one a camera, in the rig's order
     peak: Peak
-    compared: tuple[Mapping[str, Mapping[str, Any]], ...] = ()
+    compared: tuple[Mapping[str, Mapping[str, Any]], ...] = ()  # see `View.held_out_figures`
     learned: LearnedWeights | None = None
     record: Record = Record()
 
@@ -201,8 +186,7 @@ def views_of(
 ) -> list[View]:
     """Return each camera's image beside the image that the volume would have shown it.
 
-    ``gains`` are those of images that are not corrected by them; ``in_sight`` are the pixels that
-    see the grid, see `pixels_in_sight`.
+    ``gains`` are of images not corrected by them; ``in_sight`` see `pixels_in_sight`.
     """
     projected = system.projector @ system.projector.active.compress(volume)
     seen = system.images(projected)

@@ -34,10 +34,7 @@ def findings_of(
 ) -> list[Finding]:
     """Return what is said of each effect that was let loose unasked, the gravest first.
 
-    Parameters
-    ----------
-    shrink : int
-        Pixels as recorded along one of these images.
+    ``shrink`` is pixels as recorded along one of these images.
     """
     said: list[Finding] = []
     for effect in found.effects:
@@ -198,12 +195,8 @@ def with_lines(
 ) -> tuple[Finding, ...]:
     """Return findings on gains and backgrounds with what corrects them, in the way of the scan.
 
-    Parameters
-    ----------
-    gains : Gains, optional
-        Those that the images of ``names``, in this order, were corrected by.
-    scan : Scan
-        The whole one. Its corrections are in the images already: lines are in its own numbers.
+    ``gains`` are those that images of ``names`` were corrected by. The whole scan's corrections
+    are in the images already: lines are in its own numbers.
     """
     own: dict[str, list[str]] = {"background": [], "gain": []}
     for one in findings:

@@ -18,31 +18,20 @@ from tomo.scan.images import Images, Masks
 
 @dataclass(frozen=True, eq=False)
 class FrameImages:
-    """The images of one frame.
-
-    Attributes
-    ----------
-    images, masks : list of (height, width)
-        Those of the cameras to reconstruct from; 0 where not usable.
-    apart_images, apart_masks : list of (height, width)
-        Those of the cameras that take no part.
-    warnings : tuple of str
-        What reading it found, such as many pixels at full scale.
-    """
+    """The images ``(height, width)`` of one frame, 0 where not usable."""
 
     name: str
-    images: Images
+    images: Images  # of the cameras to reconstruct from
     masks: Masks
-    apart_images: Images
+    apart_images: Images  # of the cameras that take no part
     apart_masks: Masks
-    warnings: tuple[str, ...] = ()
+    warnings: tuple[str, ...] = ()  # what reading found, such as many pixels at full scale
 
 
 def mean_of_frames(loaded: Sequence[LoadedScan]) -> LoadedScan:
     """Return the mean of frames as a frame of its own, its pixels usable in all of them.
 
-    A projection is linear: the mean of the images is the image of the mean emission. Noise is
-    lower in it, and what is wrong with pixels in every frame stays. One frame is its own mean.
+    The mean of projections is that of the mean emission; noise is lower, wrong pixels stay wrong.
     """
     if len(loaded) == 1:
         return loaded[0]
@@ -57,11 +46,7 @@ def mean_of_frames(loaded: Sequence[LoadedScan]) -> LoadedScan:
 
 
 def images_of(loaded: LoadedScan, screened: ScreenedScan) -> FrameImages:
-    """Return a frame's images as the screening of some frames settled them.
-
-    Pixels that it found bad are left out, cameras that it excluded take no part, images in the
-    wrong place are put in theirs, and images that it corrected are corrected alike.
-    """
+    """Return a frame's images as the screening of some frames settled them, corrected alike."""
     rig, images, masks = loaded.scan.rig, list(loaded.images), list(loaded.masks)
     if screened.pixels is not None:
         known = zip(masks, screened.pixels.masks, strict=True)

@@ -66,8 +66,8 @@ def effects_of(
 ) -> tuple[Effect, ...]:
     """Return the effects that options let loose, for pixels ``factor`` times as wide.
 
-    A field of gas has hundreds of nodes: few ``views`` do not tell it from what else is wrong.
-    ``poses`` are the standard deviations of cameras that are refined, in pixels as recorded.
+    A field of gas has hundreds of nodes, which few ``views`` do not tell. ``poses`` are standard
+    deviations of cameras that are refined, in pixels as recorded.
     """
     found: list[Effect] = []
     default = method_named(options.method).starts_from_default
@@ -100,15 +100,8 @@ def infer_effects(
 ) -> ScreenedScan:
     """Return the images that take part, corrected by what exceeds its null.
 
-    Parameters
-    ----------
-    whole : Scan
-        All cameras, those held out too.
-    loaded : sequence of LoadedScan
-        The frames whose mean was screened. Effects are inferred from them together, not from
-        the mean, which has little fine structure where a flame moves.
-    cameras : sequence of str
-        Those to refine, if they take part.
+    ``whole`` has the held-out cameras too, ``cameras`` are to be refined. Effects are inferred
+    from the ``loaded`` frames together, not from their mean, which has little fine structure.
     """
     with timed() as stage:
         if options.screen:

@@ -22,24 +22,13 @@ FAINTEST = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Profile:
-    """Mean relative weight against one quantity.
-
-    Attributes
-    ----------
-    unit : str
-        ``length`` is the grid's.
-    edges : (bins + 1,) float64
-    light : (bins,) float64
-        Fraction of the light, ``length x emission``, in each bin.
-    weight : (bins,) float64
-        Mean of weight / length; NaN where there is hardly any light.
-    """
+    """Mean relative weight against one quantity."""
 
     quantity: str
-    unit: str
-    edges: NDArray[np.float64]
-    light: NDArray[np.float64]
-    weight: NDArray[np.float64]
+    unit: str  # length is the grid's
+    edges: NDArray[np.float64]  # (bins + 1,)
+    light: NDArray[np.float64]  # (bins,), the fraction of length x emission
+    weight: NDArray[np.float64]  # (bins,), mean of weight / length; NaN: hardly any light
 
     @classmethod
     def of(
@@ -70,20 +59,11 @@ class LearnedWeights:
 
     Every mean is weighted by ``length x emission``: segments without light do not count. The mean
     of all is one, because no image tells a common factor from one of the volume.
-
-    Attributes
-    ----------
-    spread : float
-        The standard deviation over all segments.
-    profiles : tuple of Profile
-        By depth in the grid, upstream emission, and angle off the view's mean direction.
-    held_out_residual : mapping
-        Relative residuals of left-out pixels, by ``segment_lengths`` and by ``learned`` weights.
     """
 
-    spread: float
-    profiles: tuple[Profile, ...]
-    held_out_residual: Mapping[str, float]
+    spread: float  # the standard deviation over all segments
+    profiles: tuple[Profile, ...]  # by depth, upstream emission, and angle off the view's axis
+    held_out_residual: Mapping[str, float]  # of left-out pixels, by segment_lengths and learned
 
     @classmethod
     def of(
@@ -94,14 +74,9 @@ class LearnedWeights:
         volume: NDArray[np.float32],
         held_out_residual: Mapping[str, float],
     ) -> LearnedWeights:
-        """Return the means of ``weights`` relative to the segment lengths of a projector.
+        """Return the means of ``weights`` relative to stored segment ``lengths`` with midpoints.
 
-        Parameters
-        ----------
-        lengths : Projector
-            Stored; its entries are segment lengths and its segments have midpoints.
-        volume : (nx, ny, nz)
-            The emission by which segments count.
+        ``volume`` ``(nx, ny, nz)`` is the emission by which segments count.
         """
         rays = Rays.of(lengths, "optics", image_scale=weights.image_scale)
         rays = rays.with_upstream(weights.volume, weights.unit)

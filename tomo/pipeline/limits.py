@@ -28,43 +28,23 @@ FLAME = "turbulent"
 
 @dataclass(frozen=True)
 class CameraLimits:
-    """The smallest faults of one camera that images would tell.
-
-    Attributes
-    ----------
-    shift : float
-        Pixels of the images as recorded, across or down, the larger of the two.
-    roll : float
-        Degrees.
-    zoom, gain : float
-        Fractions.
-    background : float
-        A fraction of the brightest light.
-    """
+    """The smallest faults of one camera that images would tell."""
 
     camera: str
-    shift: float
-    roll: float
-    zoom: float
+    shift: float  # pixels as recorded, across or down, the larger of the two
+    roll: float  # degrees
+    zoom: float  # a fraction, as the gain
     gain: float
-    background: float
+    background: float  # a fraction of the brightest light
 
 
 @dataclass(frozen=True)
 class Limits:
-    """The smallest faults that images would tell.
-
-    Attributes
-    ----------
-    absorption : float
-        The smallest optical depth through the box that would be noticed; NaN where not tried.
-    alike : tuple of (str, str)
-        What images do not tell apart.
-    """
+    """The smallest faults that images would tell."""
 
     cameras: tuple[CameraLimits, ...]
-    absorption: float
-    alike: tuple[tuple[str, str], ...]
+    absorption: float  # smallest optical depth through the box that shows; NaN where not tried
+    alike: tuple[tuple[str, str], ...]  # what images do not tell apart
 
     @classmethod
     def of(cls, found: DetectionLimits, observation: Observation) -> Limits:
@@ -112,12 +92,8 @@ def limits_of_rig(
 ) -> Limits:
     """Return what a rig would tell of its own faults from images of a flame of the grid's size.
 
-    Parameters
-    ----------
-    effects : sequence of Effect
-        Those that are looked for, see `tomo.pipeline.infer.effects_of`.
-    noise : float
-        Standard deviation of a pixel, as a fraction of the brightest.
+    ``effects`` are those looked for, see `tomo.pipeline.infer.effects_of`; ``noise`` is the
+    standard deviation of a pixel as a fraction of the brightest.
     """
     if len(rig) < FEWEST_VIEWS:
         raise ValueError(

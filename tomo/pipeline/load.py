@@ -28,22 +28,14 @@ brightest pixels of images scaled to their maximum."""
 
 @dataclass(frozen=True, eq=False)
 class LoadedScan:
-    """One frame of a scan in memory.
-
-    Attributes
-    ----------
-    masks : list of (height, width) bool
-        True where a pixel is usable.
-    dead_lines : mapping of str to DeadLines
-        Those of each camera that has some, in its images as recorded.
-    """
+    """One frame of a scan in memory."""
 
     scan: Scan
     frame: str
     images: Images
-    masks: Masks
+    masks: Masks  # (height, width) each, True where usable
     record: Record = Record()
-    dead_lines: Mapping[str, DeadLines] = field(default_factory=dict)
+    dead_lines: Mapping[str, DeadLines] = field(default_factory=dict)  # in images as recorded
 
 
 def load(

@@ -15,21 +15,11 @@ _WERNET = {"wernet": "wernet", "wernet-paper": "wernet_paper"}
 
 @dataclass(frozen=True)
 class Method:
-    """A method that can be asked for by name.
-
-    Attributes
-    ----------
-    name : str
-        ``auto`` chooses how smooth and how long by pixels left out.
-    needs_midpoints : bool
-        Whether it needs the midpoint of every segment.
-    needs_matrix : bool
-        Whether it goes through the matrix's entries, so that only a stored one will do.
-    """
+    """A method that can be asked for by name; ``auto`` chooses smoothness by pixels left out."""
 
     name: str
-    needs_midpoints: bool = False
-    needs_matrix: bool = False
+    needs_midpoints: bool = False  # of every segment
+    needs_matrix: bool = False  # goes through its entries: a stored one
 
     @property
     def through_lenses(self) -> bool:

@@ -58,13 +58,7 @@ def prepare(
     cameras: Sequence[str] = (),
     stage: Callable[[str], Progress | None] = lambda where: None,
 ) -> Prepared:
-    """Screen, infer, register, trace and build.
-
-    Parameters
-    ----------
-    loaded : sequence of LoadedScan
-        One frame, or the key frames of a film.
-    """
+    """Screen, infer, register, trace and build: of one frame, or of the key frames of a film."""
     stage("pixels")
     screened = screen(mean_of_frames(loaded), options.hold_out, look=options.screen)
     step = stage(INFERENCE)

@@ -232,9 +232,8 @@ def _run_stages(
 def _expected(preview: Mapping[str, float], times: int) -> dict[str, float]:
     """Return the seconds that stages will take, by those of a preview ``times`` as coarse.
 
-    Segments are ``times**3`` as many, and as many as in the preview in each ray of a pixel of the
-    copy that effects are inferred on. Errors are those of a known answer, which is solved as the
-    volume is.
+    There are ``times**3`` as many segments, and as many as in the preview in each ray of a pixel
+    of the inferred copy. Errors are those of a known answer, solved as the volume is.
     """
     found = {name: seconds * times**3 for name, seconds in preview.items()}
     found[INFERENCE] = RAYS**2 * sum(preview.values())

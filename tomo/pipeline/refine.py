@@ -24,28 +24,16 @@ POINTS = 5
 
 @dataclass(frozen=True, eq=False)
 class Refinement:
-    """What was found of cameras.
+    """What was found of cameras."""
 
-    Attributes
-    ----------
-    given, rig : Rig
-        The cameras before and after, those that take part.
-    cameras : tuple of str
-        Those that were asked for, and those that images contradicted.
-    priors : mapping of str to float
-        Standard deviation of each camera's prior, in pixels of its image.
-    left_out : LeftOut, optional
-        How left-out pixels judge what was asked for.
-    """
-
-    given: Rig
-    rig: Rig
-    cameras: tuple[str, ...]
+    given: Rig  # those that take part, before
+    rig: Rig  # and after
+    cameras: tuple[str, ...]  # asked for, or contradicted by images
     asked: bool
     grid: VoxelGrid
-    priors: Mapping[str, float]
+    priors: Mapping[str, float]  # standard deviation of each camera, in pixels
     gains: Mapping[str, float]
-    left_out: LeftOut | None = None
+    left_out: LeftOut | None = None  # how left-out pixels judge what was asked for
 
     @property
     def accepted(self) -> bool:
@@ -135,7 +123,7 @@ class Refinement:
 def priors_of(cameras: Sequence[str], observation: Observation) -> dict[str, float]:
     """Return the standard deviation of each camera's pose that is asked for, in pixels.
 
-    It is what mounts do together with what the rig states of the camera.
+    What mounts do together with what the rig states of the camera.
     """
     if not cameras:
         return {}

@@ -22,15 +22,9 @@ from tomo.pipeline.stage import Record, timed
 
 @dataclass(frozen=True)
 class HullRule:
-    """How frames are carved.
+    """How frames are carved."""
 
-    Attributes
-    ----------
-    margin : float
-        Pixels by which the cameras may point wrongly; infinite: no voxel is empty.
-    """
-
-    margin: float
+    margin: float  # pixels by which cameras may point wrongly; infinite: no voxel is empty
     votes: int
 
     @property
@@ -45,8 +39,7 @@ KEEP_ALL = HullRule(math.inf, 1)
 def rule_of(found: Sequence[Carving], options: Options) -> HullRule:
     """Return the rule that suits all key frames: the largest of their own margins and votes.
 
-    No voxel is found empty where the views of any of them contradict each other, or all of them
-    are dark.
+    No voxel is empty where the views of any frame contradict each other, or all frames are dark.
     """
     telling = [one for one in found if not one.dark]
     if options.carving == OFF or not telling or any(one.votes == 0 for one in telling):
@@ -64,12 +57,7 @@ def hull_of_frames(
 ) -> tuple[ActiveVoxels, list[NDArray[np.bool_]]]:
     """Return the voxels that any of some frames may light, and the pixels that may see them.
 
-    Parameters
-    ----------
-    rule : HullRule, optional
-        None: all pixels are kept too.
-    otherwise : ActiveVoxels, optional
-        The voxels where all frames are dark and say nothing; all when None.
+    Without a rule all are kept. ``otherwise`` are the voxels where all frames are dark.
     """
     active = pixels = None
     for frame in frames:
@@ -98,30 +86,14 @@ def hull_of_frames(
 
 @dataclass(frozen=True, eq=False)
 class Registered:
-    """The rig, pixels and voxels to trace.
+    """The rig, pixels and voxels to trace."""
 
-    Attributes
-    ----------
-    rig : Rig
-        The cameras, where they were found to be.
-    masks : sequence of (height, width) bool
-        True where a pixel may take part.
-    active : ActiveVoxels
-        The voxels that may be other than zero.
-    noise : tuple of NoiseModel
-        That of one frame, for each camera.
-    carving : Carving, optional
-        How they were found: that of the middle frame. None where it was not asked for.
-    rule : HullRule, optional
-        How other frames are carved.
-    """
-
-    rig: Rig
-    masks: Sequence[NDArray[np.bool_]]
-    active: ActiveVoxels
-    noise: tuple[NoiseModel, ...]
-    carving: Carving | None = None
-    rule: HullRule | None = None
+    rig: Rig  # the cameras, where they were found to be
+    masks: Sequence[NDArray[np.bool_]]  # (height, width) each: pixels that may take part
+    active: ActiveVoxels  # the voxels that may be other than zero
+    noise: tuple[NoiseModel, ...]  # that of one frame, for each camera
+    carving: Carving | None = None  # of the middle frame, if it was asked for
+    rule: HullRule | None = None  # how other frames are carved
     record: Record = Record()
 
     def report(self, pixels_used: int) -> dict[str, Any]:
@@ -139,10 +111,7 @@ def register(
     grid: VoxelGrid,
     options: Options,
 ) -> Registered:
-    """Carve the volume, from images alone.
-
-    Voxels are those that any of the frames may light, pixels those usable in all of them.
-    """
+    """Carve the volume from images: voxels that any frame may light, pixels usable in all."""
     rig = screened.scan.rig
     noise = screened.noise if len(frames) == 1 else noise_of_frames(frames)
     masks, active, rule, carving = screened.masks, ActiveVoxels(grid), None, None

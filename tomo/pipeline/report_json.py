@@ -96,8 +96,8 @@ def report_of(outcome: Any) -> dict[str, Any]:
 def _emission(outcome: Any) -> dict[str, Any]:
     """Return the volume's total and largest value with their units.
 
-    An absolute volume's total is a power into a steradian; ``power`` is that into all directions,
-    4 pi times as much, of light that goes everywhere alike.
+    An absolute total is a power into a steradian; ``power`` is 4 pi times as much, into all
+    directions.
     """
     found = outcome.solution
     unit, factor = _of_total(outcome)

@@ -27,64 +27,37 @@ from tomo.scan.images import Images, Masks
 
 @dataclass(frozen=True)
 class Place:
-    """Where an image belongs that is turned over, or that of another camera.
-
-    Attributes
-    ----------
-    other : str
-        The camera that it is exchanged with.
-    turned : str
-        How it is turned over, a key of `tomo.inference.misplaced.TURNS`.
-    """
+    """Where an image belongs that is turned over, or that of another camera."""
 
     camera: str
-    other: str = ""
-    turned: str = ""
+    other: str = ""  # the camera that it is exchanged with
+    turned: str = ""  # a key of `tomo.inference.misplaced.TURNS`
 
 
 @dataclass(frozen=True, eq=False)
 class ScreenedScan:
-    """A frame's images: those that take part, and those that are only compared with.
+    """A frame's images: those that take part, corrected, and those only compared with.
 
-    Attributes
-    ----------
-    scan : Scan
-        The cameras to reconstruct from, where they were found to be.
-    images, masks : list of (height, width)
-        Those of these cameras, corrected by what was found; outlier pixels are 0 and not usable.
-    apart : Scan, optional
-        The cameras held out and those excluded.
-    apart_images, apart_masks : list of (height, width)
-        Those of these cameras; outlier pixels of cameras held out are 0 and not usable.
-    refinement : Refinement, optional
-        What was found of cameras; None where none was asked for or moved.
-    excluded : tuple of str
-        The cameras that say nothing, or what the others contradict.
-    places : tuple of Place
-        The images that were put in their places, one after the other.
-    emission : (nx, ny, nz) float32, optional
-        A quick volume, of gas that absorbs its own light.
-    light_error : float
-        Relative standard deviation of the total light by what was found of cameras and gas.
+    Images and masks are ``(height, width)``; outlier pixels are 0 and not usable.
     """
 
-    scan: Scan
+    scan: Scan  # the cameras to reconstruct from, where they were found to be
     images: Images
     masks: Masks
     noise: tuple[NoiseModel, ...]
-    apart: Scan | None
+    apart: Scan | None  # the cameras held out and those excluded
     apart_images: Images
     apart_masks: Masks
     pixels: PixelCheck | None = None
     corrections: Corrections | None = None
     findings: tuple[Finding, ...] = ()
-    refinement: Refinement | None = None
+    refinement: Refinement | None = None  # None where none was asked for or moved
     gains: Gains | None = None
-    excluded: tuple[str, ...] = ()
-    places: tuple[Place, ...] = ()
-    emission: NDArray[np.float32] | None = None
+    excluded: tuple[str, ...] = ()  # they say nothing, or what the others contradict
+    places: tuple[Place, ...] = ()  # images put in their places, one after the other
+    emission: NDArray[np.float32] | None = None  # quick, of gas that absorbs its own light
     limits: Limits | None = None
-    light_error: float = 0.0
+    light_error: float = 0.0  # relative, of the total light, by what was found of cameras and gas
     record: Record = Record()
 
 

@@ -43,13 +43,7 @@ Watch = Callable[[NDArray[np.float32]], float]
 
 @dataclass(frozen=True, eq=False)
 class Solved:
-    """The solution, and the equations that it is re-projected and repeated by.
-
-    Attributes
-    ----------
-    solution : Solution
-        Its volume holds the voxels' means.
-    """
+    """The solution, whose volume holds voxels' means, and the equations that re-project it."""
 
     solution: Solution
     built: WeightedSystem
@@ -115,10 +109,7 @@ def solve_by(
 ) -> Solution:
     """Solve the equations by one method; the volume holds the voxels' means.
 
-    Parameters
-    ----------
-    options : Options
-        The seed, the time limit and those about learning are used.
+    Options used are the seed, the time limit and those about learning.
     """
     started = time.perf_counter()
     limit = math.inf if options.time_limit is None else options.time_limit
@@ -177,9 +168,8 @@ def choice_of(solved: Solved) -> Choice:
 def repeatable(solved: Solved, options: Options) -> Solve | None:
     """Return the solve with as many iterations, for other images; None if it has no operator.
 
-    From the pixels that take part, ``(pixels,)``, to the voxels' mean emission, the unknowns
-    of the projector ``on_voxel_means``, ``(unknowns,)``. The default starts from where the found
-    volume started: what it makes of the pixels comes after.
+    From the pixels ``(pixels,)`` to the voxels' means, the unknowns ``(unknowns,)`` of
+    ``on_voxel_means``. The default starts where the found volume started, from all pixels.
     """
     method, found = method_named(options.method), solved.solution
     if method.needs_midpoints and not method.starts_from_default:
@@ -214,10 +204,9 @@ def with_learned_weights(system: LinearSystem, found: Solution) -> LinearSystem:
 def voxel_means_of(
     projector: ProjectionOperator, unknowns: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the mean emission in every voxel, ``(nx, ny, nz)``, of ``unknowns``.
+    """Return the mean emission in every voxel, ``(nx, ny, nz)``, zero where no ray crosses.
 
-    Zero where no ray crosses. Smooth bases and penalties carry their neighbours' light into
-    such voxels: not seen by the cameras reconstructed from, it would be seen by those held out.
+    Smooth bases and penalties carry light into such voxels, which held-out cameras would see.
     """
     active, shape = projector.active, projector.grid.shape
     crossed = projector.column_sums > 0
@@ -265,10 +254,9 @@ is in vain: noise is larger."""
 
 
 def with_own_absorption(solved: Solved, options: Options) -> Solved:
-    """Return the solution that is seen through gas of its own emission.
+    """Return the solution that is seen through gas of its own emission, where gas absorbs by it.
 
-    As it stands where nothing absorbs by its emission. The first solve was through gas of a quick
-    volume; it is repeated as it was chosen until the images no longer change.
+    The first solve was through gas of a quick volume: repeated until images no longer change.
     """
     absorption = solved.built.absorption
     if not absorption.emission:

@@ -58,16 +58,11 @@ def as_warning(step: str, warnings: list[str]) -> Iterator[None]:
 
 
 class Pace:
-    """The stages of some work as they begin, with the seconds of each.
+    """The stages of some work as they begin, with the seconds of each; progress is told of them.
 
     Nothing is known of the whole until seconds are expected of its stages. Those to come are
     expected to take so much longer, or shorter, as those that are over did; the stage at work goes
     over from what was expected to its own pace.
-
-    Parameters
-    ----------
-    progress : callable, optional
-        Told each stage and its parts, and the tenths of seconds of the whole as `WHOLE`.
     """
 
     def __init__(self, progress: Progress | None = None) -> None:

@@ -20,21 +20,11 @@ from tomo.pipeline.stage import Record, timed
 
 @dataclass(frozen=True, eq=False)
 class TracedScan:
-    """The rays of the pixels that take part, and what these measured.
+    """The rays of the pixels that take part, and what these measured."""
 
-    Attributes
-    ----------
-    system : LinearSystem
-        In the voxel basis, through transparent gas.
-    measured : (pixels,) float32
-        As given.
-    first_use_seconds : float
-        Compiling or loading of kernels that this stage found itself in need of.
-    """
-
-    system: LinearSystem
-    measured: NDArray[np.float32]
-    first_use_seconds: float = 0.0
+    system: LinearSystem  # in the voxel basis, through transparent gas
+    measured: NDArray[np.float32]  # (pixels,), as given
+    first_use_seconds: float = 0.0  # of kernels that this stage compiled or loaded
     record: Record = Record()
 
 

@@ -19,21 +19,11 @@ MEANS: Mapping[str, str] = {GREEN: "use it", AMBER: "use with care", RED: "do no
 
 @dataclass(frozen=True)
 class Verdict:
-    """How far a volume can be trusted.
+    """How far a volume can be trusted."""
 
-    Attributes
-    ----------
-    level : str
-        One of `LEVELS`: ``green`` use it, ``amber`` use with care, ``red`` do not use.
-    reasons : tuple of str
-        In plain words, the gravest first; of a green volume what speaks for it.
-    next : tuple of str
-        What to do, the most useful first.
-    """
-
-    level: str
-    reasons: tuple[str, ...] = ()
-    next: tuple[str, ...] = ()
+    level: str  # one of LEVELS
+    reasons: tuple[str, ...] = ()  # the gravest first; of green, what speaks for it
+    next: tuple[str, ...] = ()  # what to do, the most useful first
 
     @property
     def sentence(self) -> str:
@@ -78,12 +68,7 @@ flame; higher: volumes 1.3 and 1.5 times as wrong as with exact cameras."""
 class Rule:
     """One finding: when it applies, what it makes of the volume, and in which words.
 
-    Attributes
-    ----------
-    find : callable
-        See `Finder`.
-    reason, step : str
-        With fields that ``find`` fills; nothing is said where one is empty.
+    Fields of the words are filled by ``find``; nothing is said where one is empty.
     """
 
     level: str

@@ -26,30 +26,18 @@ Lower: noise of a tenth is taken for light. Higher: weak faults in noisy images 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """One camera's image beside its re-projection.
+    """One camera's image beside its re-projection, ``(rows, columns)``, in one unit.
 
-    Attributes
-    ----------
-    measured, reprojected : (rows, columns) float32
-        In one unit.
-    held_out : bool
-        Whether the view took no part, as was asked for.
-    excluded : bool
-        Whether the view took no part because the others contradict it.
-    noise : NoiseModel, optional
-        That of the camera, where it is known; the image's own is estimated when None.
-    in_sight : (rows, columns) bool, optional
-        True where a pixel sees the grid: others say nothing of the volume, and count in the
-        figures of whole images alone. All count when None.
+    Pixels out of sight of the grid say nothing of the volume: they count in whole images alone.
     """
 
     name: str
     measured: NDArray
     reprojected: NDArray
     mask: NDArray | None = None
-    held_out: bool = False
-    excluded: bool = False
-    noise: NoiseModel | None = None
+    held_out: bool = False  # took no part, as was asked for
+    excluded: bool = False  # took no part because the others contradict it
+    noise: NoiseModel | None = None  # estimated from the image when None
     in_sight: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
@@ -88,9 +76,8 @@ class View:
     def _variance(self) -> NDArray[np.float64]:
         """The variance of the noise of every pixel, ``(rows, columns)``.
 
-        The noise is that of the finest structure in the image or in the residual, whichever has
-        less: voxels wider than a pixel give the residual steps, details finer than voxels stand in
-        the image.
+        By the finest structure in the image or in the residual, whichever has less: wide voxels
+        give the residual steps, details finer than voxels stand in the image.
         """
         usable = self.usable
         whole = np.where(usable, self.reprojected, 0)
@@ -116,13 +103,9 @@ class View:
     def beyond_noise(self) -> float:
         """The residual of means over 4 x 4 pixels that noise does not explain; NaN if dark.
 
-        Relative to the image's own means, of pixels that see the grid. Noise is down to a quarter
-        in these means, and details finer than a voxel, which cancel in them, do not count.
-
-        Notes
-        -----
         ``sqrt(max(r^2 - (n / 4)^2, 0)) / m`` with the root mean squares ``r`` of the residual's
-        means, ``m`` of the image's, and ``n`` of the noise; zero up to `SURE` times ``n / 4``.
+        means, ``m`` of the image's, and ``n`` of the noise, of pixels that see the grid; zero up
+        to `SURE` times ``n / 4``. Details finer than a voxel cancel in the means.
         """
         usable = self._telling
         measured = np.where(usable, self.measured, 0).astype(np.float64)
@@ -141,10 +124,7 @@ class View:
 
     @property
     def gain(self) -> float:
-        """The factor on the re-projection that fits the measured image best; NaN if it is dark.
-
-        A view that differs from 1 by more than the others was brighter or darker than they say.
-        """
+        """The factor on the re-projection that fits the measured image best; NaN if it is dark."""
         measured, reprojected = self._usable_pixels()
         energy = dot(reprojected, reprojected)
         return dot(measured, reprojected) / energy if energy > 0 else math.nan
@@ -153,8 +133,7 @@ class View:
     def light(self) -> float:
         """The sum of the measured image over that of the re-projection; NaN if that is dark.
 
-        It tells a camera's gain better than `gain`: views share one total, but each has details
-        that a volume can follow alone.
+        It tells gains better than `gain`: views share one total, but a volume follows own details.
         """
         measured, reprojected = self._usable_pixels()
         total = float(reprojected.sum())
@@ -242,11 +221,7 @@ def peak_in_words(peak: Mapping[str, Any]) -> str:
 
 
 def with_unit(figure: str, text: str) -> str:
-    """Return a figure of an image with its unit: PSNR is in decibels, others are fractions.
-
-    >>> with_unit("psnr", "31.4"), with_unit("ssim", "0.98")
-    ('31.4 dB', '0.98')
-    """
+    """Return a figure of an image with its unit: PSNR is in decibels, others are fractions."""
     return f"{text} dB" if figure == "psnr" else text
 
 

@@ -87,13 +87,7 @@ class Corrections:
         return for_camera(getattr(self, correction), camera)
 
     def by_camera(self, cameras: Sequence[str]) -> Corrections:
-        """Return the corrections with the images that folders and ``{camera}`` stand for.
-
-        Raises
-        ------
-        ValueError
-            If a camera has no image in a folder.
-        """
+        """Return the corrections with the images that folders and ``{camera}`` stand for."""
         images = {name: getattr(self, name) for name in _OF_IMAGES}
         return replace(
             self, **{name: images_by_camera(name, one, cameras) for name, one in images.items()}
@@ -106,13 +100,7 @@ class Corrections:
         return {name: value for name, value in given.items() if value is not None}
 
     def mosaic(self, camera: str) -> Mosaic | None:
-        """Return which pixels of a camera's sensor are used; None where all are.
-
-        Raises
-        ------
-        ValueError
-            If the order of the colours or the channel is unknown, or no channel is chosen.
-        """
+        """Return which pixels of a camera's sensor are used; None where all are."""
         bayer, channel = self.of("bayer", camera), self.of("channel", camera)
         if bayer is None:
             if channel is not None and (channel == "g2" or not is_channel(channel)):
@@ -144,16 +132,8 @@ class Corrections:
     ]:
         """Read a camera's image, unless it is in memory, and correct it.
 
-        Parameters
-        ----------
-        image : Path, FilmFrame or (height, width) array
-        camera : str
-        size : (width, height)
-            Size of the camera's images and of those of its corrections.
-        source : Path, optional
-            The file that the corrections stand in; errors about them name it.
-        per_count : float, optional
-            What one count is worth, in place of a fraction of full scale.
+        ``size`` is ``(width, height)``. Errors about corrections name ``source``. A count is worth
+        ``per_count``, where given, in place of a fraction of full scale.
 
         Returns
         -------
@@ -165,12 +145,6 @@ class Corrections:
         dead_lines : DeadLines
         bits : StoredBits or None
             None of images that are not of 16 bits, and where the corrections say them.
-
-        Raises
-        ------
-        ValueError, FileNotFoundError
-            If an image is missing, unreadable, of another size, not grey, or not finite where it
-            is usable; if a correction is not in the image's scale.
         """
         self._check_scale(image, camera, source)
         mask = self._value("mask", camera, size)
@@ -276,11 +250,7 @@ def for_camera(value: Any, camera: str) -> Any:
 
 
 def _plateau(full: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the pixels with a neighbour at full scale as well.
-
-    Lenses spread light over more than a pixel; the brightest of an image scaled to its maximum
-    stands alone.
-    """
+    """Return the pixels with a neighbour at full scale too: lenses spread light over several."""
     beside = np.zeros_like(full)
     beside[1:] |= full[:-1]
     beside[:-1] |= full[1:]

@@ -19,22 +19,13 @@ default."""
 
 @dataclass(frozen=True, eq=False)
 class Coarser:
-    """Cameras, their images and a grid, with larger pixels and voxels.
-
-    Attributes
-    ----------
-    images : tuple of (rows, columns) float32
-    masks : tuple of (rows, columns) bool
-        True where any pixel was usable.
-    factor : int
-        How many pixels a large pixel is wide.
-    """
+    """Cameras, their images ``(rows, columns)`` and a grid, with larger pixels and voxels."""
 
     rig: Rig
     images: tuple[NDArray[np.float32], ...]
-    masks: tuple[NDArray[np.bool_], ...]
+    masks: tuple[NDArray[np.bool_], ...]  # True where any pixel was usable
     grid: VoxelGrid
-    factor: int
+    factor: int  # how many pixels a large one is wide
 
     @classmethod
     def of(
@@ -59,9 +50,8 @@ class Coarser:
 def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int = COARSEST) -> int:
     """Return by how much to enlarge voxels and pixels for about ``segments`` segments.
 
-    ``coarsest`` is what stays at least: voxels along the grid's longest edge, and pixels along an
-    image's shortest. Pixels count that lie in the rectangle that the grid fills of an image: the
-    others have no segments.
+    At least ``coarsest`` voxels stay along the grid's longest edge, and pixels along an image's
+    shortest. Pixels count in the rectangle that the grid fills: others have no segments.
     """
     pixels = sum(_pixels_on(camera, grid) for camera in rig)
     wanted = round((pixels * sum(grid.shape) / 3 / segments) ** (1 / 3))
@@ -72,8 +62,7 @@ def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int = COARSES
 def _pixels_on(camera: CameraLike, grid: VoxelGrid) -> float:
     """Return the pixels of the rectangle that a grid fills of an image.
 
-    They are all pixels of a camera that does not see all of the grid's corners once, such as one
-    behind a mirror.
+    All of a camera that does not see all of the grid's corners once, such as behind a mirror.
     """
     size = np.array(camera.image_size, float)
     uv, _, valid = camera.project(box_points(grid.lower, grid.upper, 2))

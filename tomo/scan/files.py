@@ -123,11 +123,7 @@ def as_scan(
 ) -> Scan:
     """Return the scan that is given, loaded from a path, or made of images in memory.
 
-    Parameters
-    ----------
-    given : Scan, path-like, mapping, Dataset or DataArray
-        A path is that of a scan, or with ``rig`` of a folder of images; a mapping is camera to
-        image, see `Scan.from_arrays`, and needs ``rig``.
+    With ``rig`` a path is a folder of images, a mapping camera to image, see `Scan.from_arrays`.
     """
     if isinstance(given, Scan):
         if rig is not None:
@@ -150,15 +146,10 @@ def as_scan(
 
 
 def scan_again(source: Path, origin: Mapping[str, Any]) -> Scan:
-    """Return the scan that was loaded from a file or folder, which may have moved.
+    """Return the scan that was loaded from ``source``, a scan or a folder of images, maybe moved.
 
-    Parameters
-    ----------
-    source : Path
-        The scan, or the folder of its images.
-    origin : mapping
-        `Scan.origin`: the ``rig`` file of a folder of images and their ``pattern``; the folder of
-        ``images`` of a transforms.json; the ``corrections`` that were given.
+    ``origin`` is `Scan.origin`: the ``rig`` file of a folder of images and their ``pattern``; the
+    folder of ``images`` of a transforms.json; the ``corrections`` that were given.
     """
     if "rig" in origin:
         rig = Path(origin["rig"])

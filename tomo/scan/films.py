@@ -27,26 +27,14 @@ from rigs.recordings.stills import TIFF_SUFFIXES, grouped_notes
 class Film:
     """The frames of one camera in one file, and which of them are those of a scan.
 
-    Attributes
-    ----------
-    path : Path
-        A file or folder that `rigs.recordings.open_recording` takes, or an array in it.
-    first : int
-        The film's frame that is the scan's frame 0 of a camera that is not late.
-    step : int
-        Frames of the film from one frame of the scan to the next.
-    offset : int
-        Frames of the film by which the camera started late: frame ``n`` of the scan is frame
-        ``first + n step - offset`` of the film.
-    raw : RawLayout, optional
-        How frames lie in a binary file that does not say so.
+    Frame ``n`` of the scan is frame ``first + n step - offset`` of the film.
     """
 
-    path: Path
+    path: Path  # what `rigs.recordings.open_recording` takes, or an array in it
     first: int = 0
     step: int = 1
-    offset: int = 0
-    raw: RawLayout | None = None
+    offset: int = 0  # frames by which the camera started late
+    raw: RawLayout | None = None  # how frames lie in a binary file that does not say so
 
     @cached_property
     def recording(self) -> Recording:

@@ -31,18 +31,9 @@ def read_intensities(
 ) -> tuple[NDArray[np.float32], int]:
     """Return a camera's image, integers divided by their full scale, and that scale in counts.
 
-    Parameters
-    ----------
-    image : Path, FilmFrame or (height, width) array
-    bit_depth : int, optional
-        Bits that the camera really uses of an integer image.
-    colours : mapping
-        ``channel`` and ``bayer`` of the camera, see `tomo.scan.Corrections`.
-    usable : (height, width) bool, optional
-        Where pixels must be finite.
-    is_correction : bool
-        Whether the image is a correction's: it may be grey where images are in colour, and no
-        frame is lost with it.
+    ``bit_depth`` is that which the camera really uses; ``colours`` are ``channel`` and ``bayer``,
+    see `tomo.scan.Corrections`; pixels that are ``usable`` ``(height, width)`` must be finite. A
+    correction's image may be grey where images are in colour, and no frame is lost with it.
     """
     from rigs.recordings import (
         FrameError,
@@ -96,14 +87,7 @@ def holds_integers(image: ImageSource) -> bool:
 
 @dataclass(frozen=True)
 class Frame:
-    """One moment.
-
-    Attributes
-    ----------
-    name : str
-    images : mapping
-        Camera name to image file, to a frame of a film, or to an image ``(h, w)`` in memory.
-    """
+    """One moment: images by camera, in a file, in a film, or in memory ``(h, w)``."""
 
     name: str
     images: Mapping[str, ImageSource]
@@ -163,15 +147,9 @@ class MeanImage:
 def images_by_camera(name: str, value: Any, cameras: Sequence[str]) -> Any:
     """Return a correction's value with one image, or the mean of several, for each camera.
 
-    Parameters
-    ----------
-    name : str
-        The correction: errors name it, and a mask is one image.
-    value : object
-        One for all cameras, or a mapping from camera. The path of a folder stands for its images:
-        those of each camera, by the names of `find_images`, or all where it is one camera's.
-        ``{camera}`` in a path stands for the camera's name, and ``*`` in a file's name for any
-        text. Other values are returned as they are.
+    A folder stands for its images: those of each camera, by the names of `find_images`, or all
+    where it is one camera's. ``{camera}`` in a path stands for the camera's name, ``*`` in a
+    file's name for any text. Other values stay. A mask is one image.
     """
     if isinstance(value, Path) and CAMERA in str(value):
         value = {camera: Path(str(value).replace(CAMERA, camera)) for camera in cameras}

@@ -93,8 +93,6 @@ class ScanImages:
         ValueError
             If the frame is unknown, a camera has no image in it, or an image is unreadable, not
             grey, of another size than the camera's, or not finite where it is usable.
-        FileNotFoundError
-            If an image or a correction's image is missing.
         """
         images, masks, *_ = self.read_with_faults(frame)
         return images, masks
@@ -106,10 +104,9 @@ class ScanImages:
     ]:
         """Return what `read` does, the fraction of bright pixels at full scale, dead lines, bits.
 
-        All by camera. Pixels are bright at full scale and above half of the brightest other one;
-        the fraction is 0 for images of no integers. Dead lines are those of images as recorded,
-        before they are shrunk; only cameras that have some are named. Bits are what integers of
-        16 bits say about the camera's, see `Corrections.corrected`.
+        All by camera. Pixels are bright at full scale and above half of the brightest other one.
+        Dead lines are those of images as recorded, of cameras that have some. Bits: see
+        `Corrections.corrected`.
         """
         chosen, names = self.frame(frame), self.rig.names
         found = [self._read_one(chosen, name) for name in names]
@@ -129,11 +126,7 @@ class ScanImages:
         return f"{self.image_unit(frame)} per {self.rig.length_unit}"
 
     def image_unit(self, frame: str | None = None) -> str:
-        """Return the unit of corrected images.
-
-        Integers are divided by their full scale; other images have a unit of their own, and those
-        of a scan with `radiometry` one of light.
-        """
+        """Return the unit of corrected images: of light, full scales of integers, or their own."""
         if self.radiometry is not None:
             return f"{self.radiometry.value_unit} {self.rig.length_unit}"
         return "full scales" if self.in_full_scales(frame) else "image units"
@@ -169,12 +162,8 @@ class ScanImages:
     def read_truth(self, frame: str | None = None) -> tuple[NDArray[np.float32], VoxelGrid] | None:
         """Return the true volume of a frame and the grid that it lies on; None without one.
 
-        A film of volumes has one a frame, anything else is the same for all frames.
-
-        Raises
-        ------
-        ValueError
-            If a file names another unit of light than volumes of the scan have.
+        A film of volumes has one a frame, anything else is the same for all frames. A file that
+        names another unit of light than the scan's volumes is refused.
         """
         if not isinstance(self.truth, Path):
             return None if self.truth is None else (self.truth, self.grid)

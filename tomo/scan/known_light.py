@@ -30,14 +30,8 @@ def counts_of_known_light(
 ) -> float:
     """Return the mean counts of a lamp or an integrating sphere over its region.
 
-    Parameters
-    ----------
-    corrections : Corrections
-        Those of the scan; all but the gain apply.
-    region : (x, y, width, height), optional
-        The whole image when None.
-    dark : float, Path or array, optional
-        In place of that of ``corrections``.
+    All of the scan's corrections but the gain apply. ``region`` is ``(x, y, width, height)``, the
+    whole image when None; ``dark`` takes the place of that of the corrections.
     """
     how = replace(corrections, gain=None)
     if dark is not None:

@@ -135,18 +135,9 @@ class Radiometry:
         """Return what one count of each camera is worth, in volume's unit times unit of length.
 
         A projection of the volume is then an image. Cameras without a calibration take the
-        geometric mean of the others, at their own exposure, f-number and transmission.
-
-        Parameters
-        ----------
-        sizes : mapping
-            Camera to ``(width, height)`` of its images as recorded.
-        corrections : Corrections
-            Those of the scan. All but the gain apply to images of a known radiance.
-        length_unit : str
-            Of the rig.
-        source : Path, optional
-            The file that errors name.
+        geometric mean of the others, at their own exposure, f-number and transmission. ``sizes``
+        are ``(width, height)`` of images as recorded; all ``corrections`` but the gain apply to
+        images of a known radiance; errors name ``source``.
 
         Raises
         ------
@@ -154,8 +145,6 @@ class Radiometry:
             If no camera is calibrated, an image of a known radiance is dark, saturated, uneven or
             unreadable, its region is not inside it, or an exposure, f-number or transmission is
             known of the scan alone or of the calibration alone.
-        FileNotFoundError
-            If an image is missing.
         """
         where = "" if source is None else f"{source}: "
         known = self.calibrated(tuple(sizes))

@@ -129,29 +129,25 @@ class Scan(ScanImages):
 
         Parameters
         ----------
-        rig : Rig
         images : mapping, Dataset or DataArray
             Camera name to an image ``(h, w)``, or to several ``(frames, h, w)``: floating point,
             or uint8 or uint16, which are divided by their full scale. Frames are called
             ``frame_000``, ``frame_001`` ... A Dataset has a variable a camera, a DataArray the
             dimension ``camera`` with their names.
-        grid : VoxelGrid, optional
         masks : mapping, optional
             Camera name to ``(h, w)``, non-zero where a pixel is usable.
-        corrections : Corrections, optional
-            Its images may be arrays too.
+        corrections, radiometry : optional
+            Their images may be arrays too.
         truth : (nx, ny, nz) array, optional
             The true volume on ``grid``.
         effects : mapping, optional
             See `Scan`.
-        radiometry : Radiometry, optional
-            Its images may be arrays too.
 
         Raises
         ------
         ValueError
-            If images or a mask are not of their camera's size, cameras have different numbers of
-            frames, masks are given twice, or a truth does not lie on the grid.
+            If shapes do not fit cameras or grid, cameras differ in their frames, or masks
+            are given twice.
         """
         frames = frames_of(rig, images)
         corrections = corrections_with(masks, corrections or Corrections(), rig)
@@ -161,10 +157,7 @@ class Scan(ScanImages):
     def to_xarray(self, frame: str | None = None) -> DataArray:
         """Return the corrected images of a frame, ``(camera, row, column)``; NaN is not usable.
 
-        Raises
-        ------
-        ValueError
-            As `read` raises, if the cameras' images differ in size, or xarray is not installed.
+        Raises ValueError if the cameras' images differ in size, or xarray is not installed.
         """
         sizes = {camera.image_size for camera in self.rig}
         if len(sizes) > 1:
@@ -180,13 +173,7 @@ class Scan(ScanImages):
         return higher("scan_html")(self)
 
     def save(self, folder: str | PathLike) -> Path:
-        """Write a scan in memory as a scan folder, see `save_scan`; return its scan.yaml.
-
-        Raises
-        ------
-        ValueError
-            If an image or the truth is a file, or images are shrunk.
-        """
+        """Write a scan in memory, nothing of it shrunk, as a scan folder, see `save_scan`."""
         is_divided = any(self.corrections.mosaic(name) for name in self.rig.names)
         files = [
             image
@@ -211,27 +198,15 @@ class Scan(ScanImages):
         )
 
     def without(self, *cameras: str) -> Scan:
-        """Return the scan without some cameras, in the rig's order: hold-outs.
-
-        Raises
-        ------
-        ValueError
-            If a camera is unknown, or none would be left.
-        """
+        """Return the scan without some cameras, in the rig's order: hold-outs."""
         return self._part(cameras, are_kept=False)
 
     def only(self, *cameras: str) -> Scan:
-        """Return the scan of these cameras alone, in the rig's order.
-
-        Raises
-        ------
-        ValueError
-            If a camera is unknown, or none is named.
-        """
+        """Return the scan of these cameras alone, in the rig's order."""
         return self._part(cameras, are_kept=True)
 
     def _part(self, named: Collection[str], *, are_kept: bool) -> Scan:
-        """Return the scan of the cameras named, or of the others."""
+        """Return the scan of the cameras named, or of the others; all have to be there."""
         for name in named:
             if name not in self.rig.names:
                 known = ", ".join(self.rig.names)
@@ -245,11 +220,6 @@ class Scan(ScanImages):
         Sides that ``factor`` does not divide lose their last ``side % factor`` rows or columns, at
         the bottom and on the right; the camera is cropped alike before it is scaled. A shrunk
         pixel is usable only when all of its pixels are.
-
-        Raises
-        ------
-        ValueError
-            If the factor is no whole number >= 1, or an image would have no pixel left.
         """
         if factor < 1 or factor != int(factor):
             raise ValueError(f"scale: found {factor}, expected a whole number >= 1")
@@ -268,18 +238,13 @@ class Scan(ScanImages):
         return replace(self, rig=rig, shrink=self.shrink * factor)
 
     def with_corrections(self, **given: Any) -> Scan:
-        """Return the scan with some corrections in place of its own.
+        """Return the scan, not shrunk yet, with some corrections in place of its own.
 
         Parameters
         ----------
         **given
             Fields of `Corrections`, as a scan.yaml has them; paths are relative to the present
             folder.
-
-        Raises
-        ------
-        ValueError
-            If there is no such correction, or it has no such value; if images are shrunk already.
 
         Examples
         --------
@@ -319,11 +284,6 @@ class Scan(ScanImages):
         bayer : {"RGGB", "BGGR", "GRBG", "GBRG"}, optional
             The order of the colours on the sensors, see `rigs.recordings.Mosaic`: cameras and
             images are then those of the colour's pixels alone.
-
-        Raises
-        ------
-        ValueError
-            If a name is unknown, or the scan's corrections name colours already.
         """
         for name in ("channel", "bayer"):
             known = getattr(self.corrections, name)

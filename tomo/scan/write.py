@@ -190,19 +190,9 @@ def writing_film(
     """Yield what takes the images and the truth of one frame after the other.
 
     The folder appears when the block succeeds, whole or not at all: ``rig.yaml``,
-    ``films/<camera>.tif``, ``truth.zarr``, ``scan.yaml``. One frame at a time is in memory.
-
-    Parameters
-    ----------
-    dtype : dtype
-        Of the pixels: uint8, uint16 or float32.
-    corrections : Corrections, optional
-        Numbers only.
-
-    Yields
-    ------
-    put : callable
-        ``put(images, truth)`` with camera to ``(h, w)``, and ``(nx, ny, nz)``.
+    ``films/<camera>.tif``, ``truth.zarr``, ``scan.yaml``. One frame at a time is in memory:
+    ``put(images, truth)`` takes camera to ``(h, w)``, and ``(nx, ny, nz)``. Pixels are uint8,
+    uint16 or float32; corrections are numbers.
     """
     import tifffile
 

@@ -23,10 +23,9 @@ class Chunks:
         self.have_checksums = has_checksums(arrays["emission"])
 
     def read(self, name: str, places: range, *, needed: bool = True) -> NDArray:
-        """Return the part of an array at places that lie in one chunk.
+        """Return the part of an array at places that lie in one chunk, written if ``needed``.
 
-        ``needed`` says whether it must have been written. Stores without checksums have no files
-        of chunks that hold the fill value alone, which no volume does.
+        Stores without checksums have no files of chunks that hold the fill value alone.
         """
         array = self.arrays[name]
         file = self.file(name, places.start // array.chunks[0])

@@ -25,20 +25,10 @@ _SLICE = re.compile(r"(-?\d{0,9}):(-?\d{0,9})(?::(\d{0,9}))?", re.ASCII)
 
 
 def choose_frames(scan: Scan, text: str) -> tuple[int, ...]:
-    """Return the places, in ``scan.frames``, of the frames asked for, ascending.
+    """Return the places, in ``scan.frames``, of the frames asked for, ascending, each once.
 
-    Parameters
-    ----------
-    scan : Scan
-    text : str
-        Slices of frame numbers as Python writes them, like ``0:1000:2`` or ``:``, and names of
-        frames, with commas between them. Frames are numbered from 0.
-
-    Raises
-    ------
-    ValueError
-        If a part is no slice and no frame's name, reaches past the last frame, holds no frame,
-        or one frame is asked for twice.
+    ``text`` has slices of frame numbers from 0 as Python writes them, like ``0:1000:2`` or ``:``,
+    and names of frames, with commas between them.
     """
     places = {name: place for place, name in enumerate(scan.frame_names)}
     return slices_of(text, len(places), lambda name: places[scan.frame(name).name])

@@ -166,8 +166,7 @@ def open_arrays(path: Path) -> tuple[zarr.Group, dict[str, Any], dict[str, zarr.
 def mend_descriptions(path: Path, times: Sequence[float], frames: Sequence[int]) -> None:
     """Write damaged descriptions of arrays (``zarr.json``) again, from the store's attributes.
 
-    Nothing is written where the arrays can be opened, or where every description is another than
-    this version writes: the store is then an older one.
+    Not where every one is another than this version writes: the store is an older one.
     """
     try:
         open_arrays(path)

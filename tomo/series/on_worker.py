@@ -36,13 +36,8 @@ class HeldPlan(WorkerPlugin):
     """A plan that Dask's scheduler gives to every worker once, also to those that come later.
 
     Dask calls ``setup`` where it listens for messages: the plan is unpacked by the first block.
-
-    Parameters
-    ----------
-    store : SeriesStore
-        Its folder is on a disk that all workers share.
-    versions : mapping
-        Package to version, of the process that made the plan.
+    The store is on a disk that all share; ``versions`` are those of the process that made the
+    plan.
     """
 
     def __init__(self, plan: Plan, store: SeriesStore, versions: Mapping[str, str]) -> None:
@@ -95,18 +90,13 @@ def solve_block_of(name: str, start: int, stop: int, wait: bool) -> bool:
 def rank_of(name: object) -> int:
     """Return the number of a worker among those of its machine; 0 where its name is none.
 
-    Dask numbers workers that it starts. Where others give each worker a GPU of its own
-    (CUDA_VISIBLE_DEVICES), that is its only one whatever the number.
+    Where each has a GPU of its own (CUDA_VISIBLE_DEVICES), that is its only one all the same.
     """
     return int(str(name)) if re.fullmatch(r"\d+", str(name), re.ASCII) else 0
 
 
 def bound_threads() -> None:
-    """Solve a block on one thread, or as many as NUMBA_NUM_THREADS says.
-
-    Dask starts as many workers, or threads of workers, as there are to be used: each has a block.
-    No other library's threads solve frames.
-    """
+    """Solve a block on as many threads as NUMBA_NUM_THREADS says, or one: each worker has one."""
     threads = int(os.environ.get("NUMBA_NUM_THREADS", "1"))
     most = numba.config.NUMBA_NUM_THREADS  # type: ignore[attr-defined]  # made as it is loaded
     numba.set_num_threads(min(threads, most))

@@ -19,8 +19,7 @@ _PATIENCE = 0.2
 def read_ahead(items: Iterator[T], most: int) -> Iterator[Iterator[T]]:
     """Yield an iterator over ``items``, which a thread takes ahead, at most so many.
 
-    What the thread raises is raised where the item would have come. The thread ends with the
-    block.
+    What the thread raises is raised where the item would have come. It ends with the block.
     """
     waiting: queue.Queue[Any] = queue.Queue(most)
     ended = threading.Event()
@@ -63,10 +62,9 @@ def read_ahead(items: Iterator[T], most: int) -> Iterator[Iterator[T]]:
 
 @contextmanager
 def write_behind(write: Callable[[T], None], most: int) -> Iterator[Callable[[T], None]]:
-    """Yield what takes items for ``write``, which a thread calls, in order; at most so many wait.
+    """Yield what takes items for ``write``, which a thread calls in order; at most so many wait.
 
-    What ``write`` raises is raised by the next item, or at the end of the block. The block ends
-    when all items are written, also when it raises.
+    What ``write`` raises, the next item or the end of the block raises. All is written by then.
     """
     waiting: queue.Queue[Any] = queue.Queue(most)
     failed: list[BaseException] = []

@@ -33,24 +33,12 @@ from tomo.uncertainty import view_coverage
 
 @dataclass(frozen=True, eq=False)
 class BlockSystem:
-    """The equations that the frames of a block share.
+    """The equations that the frames of a block share."""
 
-    Attributes
-    ----------
-    built : WeightedSystem
-        Those of the cameras that take part; its pixels are those of one frame.
-    apart : LinearSystem, optional
-        Those of the cameras that take no part, in the same basis, through the same gas.
-    active : ActiveVoxels
-        The voxels that any frame of the block may light.
-    pixels : tuple of (height, width) bool
-        The pixels that were asked for, one image a camera.
-    """
-
-    built: WeightedSystem
-    apart: LinearSystem | None
-    active: ActiveVoxels
-    pixels: tuple[NDArray[np.bool_], ...]
+    built: WeightedSystem  # of the cameras that take part; its pixels are those of one frame
+    apart: LinearSystem | None  # of the others, in the same basis, through the same gas
+    active: ActiveVoxels  # the voxels that any frame of the block may light
+    pixels: tuple[NDArray[np.bool_], ...]  # (height, width) each, as asked for
 
     def changed(self, change: Callable[[LinearSystem], LinearSystem]) -> BlockSystem:
         """Return the same equations, both kinds of them changed alike."""
@@ -66,48 +54,19 @@ class BlockSystem:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """What is settled for every frame of a series.
-
-    Attributes
-    ----------
-    scan : Scan
-    grid : VoxelGrid
-    options : Options
-        With the device that was settled on in place of ``auto``.
-    places : tuple of int
-        The frames, by their places in the scan.
-    keys : tuple of int
-        The key frames, by their places in the scan.
-    screened : ScreenedScan
-        The mean of the key frames: which cameras and pixels take part, and corrections of images.
-    registered : Registered
-        The cameras, where they were found to be.
-    system : BlockSystem
-        The equations of the mean, over the voxels that the key frames may light.
-    emission : (nx, ny, nz) float32, optional
-        The emission of the mean, where gas absorbs its own light.
-    choice : Choice, optional
-        How smooth volumes are; None where another method than auto is used.
-    choices : tuple of Choice
-        The choices of the key frames.
-    peak : Peak
-        For PSNR and SSIM.
-    warnings : tuple of str
-    temporal : TemporalChoice, optional
-        Whether and how frames are filtered in time.
-    """
+    """What is settled for every frame of a series."""
 
     scan: Scan
     grid: VoxelGrid
-    options: Options
-    places: tuple[int, ...]
-    keys: tuple[int, ...]
-    screened: ScreenedScan
+    options: Options  # with the device settled on in place of auto
+    places: tuple[int, ...]  # of the frames in the scan
+    keys: tuple[int, ...]  # places of the key frames
+    screened: ScreenedScan  # the mean of the key frames
     registered: Registered
-    system: BlockSystem
-    emission: NDArray[np.float32] | None
-    choice: Choice | None
-    choices: tuple[Choice, ...]
+    system: BlockSystem  # of the mean, over the voxels that key frames may light
+    emission: NDArray[np.float32] | None  # of the mean, where gas absorbs its own light
+    choice: Choice | None  # how smooth; None: another method than auto
+    choices: tuple[Choice, ...]  # of the key frames
     peak: Peak
     warnings: tuple[str, ...]
     temporal: TemporalChoice | None = None

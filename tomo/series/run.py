@@ -202,9 +202,8 @@ def solve_block(
 ) -> Iterator[tuple[int, FrameResult]]:
     """Yield the places of a block's frames and their results.
 
-    ``frames`` are those that the block is solved with (`Plan.solved_with`), together: a block can
-    be done alone, anywhere and in any order, and its bits are the same. None stands for a frame
-    that could not be read, which is left out.
+    ``frames`` are those that it is solved with (`Plan.solved_with`), None for one left out. A
+    block can be done alone, anywhere and in any order, to the same bits.
     """
     both = zip(plan.solved_with(block), frames, strict=True)
     good = {place: one for place, one in both if one is not None}

@@ -153,8 +153,8 @@ reader of the store looks for groups."""
 class Claims:
     """The blocks of a store that this process has in hand, for one run at a time.
 
-    Where the system cannot lock parts of files (Windows, some network disks), every process gets
-    every block: all write the same.
+    Where parts of files cannot be locked (Windows, some network disks), every process gets every
+    block: all write the same.
     """
 
     def __init__(self, store: Path) -> None:
@@ -209,10 +209,9 @@ def mend(
     frames: Sequence[int],
     progress: Progress | None = None,
 ) -> None:
-    """Read a store through, and have a run do again what is damaged in it.
+    """Read a store through; write coordinates and have a run do again frames that are damaged.
 
-    Coordinates are written again. Frames that cannot be read are recorded as to be done; those
-    beside them stay complete meanwhile. A block that another run has in hand is left to it.
+    Frames beside them stay complete. A block that another run has in hand is left to it.
     """
     grid = VoxelGrid(**store.attributes["grid"])
     expected = {"time": times, "frame": frames, **dict(zip("xyz", grid.axes(), strict=True))}

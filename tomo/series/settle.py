@@ -79,17 +79,7 @@ def make_plan(
     places: Sequence[int],
     progress: Progress | None = None,
 ) -> Plan:
-    """Settle everything that is settled once, from key frames spread over the frames.
-
-    Parameters
-    ----------
-    scan : Scan
-    grid : VoxelGrid
-    options : Options
-    places : sequence of int
-        The frames, by their places in the scan.
-    progress : callable, optional
-    """
+    """Settle everything that is settled once, from key frames spread over the frames."""
     stage, doubts = staged(progress), check_cameras(scan, grid, options)
     stage("compiling")
     warm_up_stages(options.tracer, carving=options.skip)

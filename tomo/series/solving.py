@@ -29,17 +29,9 @@ from tomo.solvers import Iteration, Solution
 
 @dataclass(frozen=True, eq=False)
 class FrameResult:
-    """The volume of one frame and what is said of it.
+    """The volume of one frame and what is said of it; nothing of one that could not be read."""
 
-    Attributes
-    ----------
-    volume : (nx, ny, nz) float32, optional
-        The mean emission of every voxel; None once it is written.
-    skipped : bool
-        Whether the frame could not be read; everything else is then empty.
-    """
-
-    volume: NDArray[np.float32] | None
+    volume: NDArray[np.float32] | None  # (nx, ny, nz); None once it is written
     figures: Mapping[str, float]
     by_camera: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()

@@ -72,17 +72,9 @@ class SeriesStore:
     ) -> SeriesStore:
         """Make an empty store, whole or not at all; open the one that is there, if there is one.
 
-        Parameters
-        ----------
-        path : path-like
-        grid : VoxelGrid
-        times : sequence of float
-            Seconds, or numbers of frames where no frame rate is known.
-        frames : sequence of int
-            The numbers of the frames in their scan.
-        attributes : mapping
-            ``length_unit``, ``value_unit``, ``time_unit``, ``cameras`` and what else is to be
-            known; plain values.
+        ``times`` are seconds, or numbers of frames where no rate is known; ``frames`` numbers in
+        the scan; ``attributes`` plain values, among them ``length_unit, value_unit, time_unit,
+        cameras``.
         """
         path = Path(path)
         if not path.exists():
@@ -95,13 +87,7 @@ class SeriesStore:
         return cls(path)
 
     def array(self, name: str) -> zarr.Array:
-        """Return one of the arrays, unread.
-
-        Raises
-        ------
-        ValueError
-            If there is none of that name.
-        """
+        """Return one of the arrays, unread."""
         if name not in self._chunks.arrays:
             raise ValueError(f"{self.path}: {name}: found no such array, expected one")
         return self._chunks.arrays[name]
@@ -111,25 +97,13 @@ class SeriesStore:
         return str(self.array(name).attrs.get("units", "1"))
 
     def values(self, name: str) -> NDArray:
-        """Return the numbers of an array of that name, such as ``frame`` or a figure.
-
-        Raises
-        ------
-        ValueError
-            One line that names the file and the frames, if a chunk is damaged.
-        """
+        """Return the numbers of an array; a line names the file and frames of a damaged chunk."""
         self.array(name)  # or it is refused
         return self._chunks.values(name, self._recorded() > 0 if name in _OF_FRAMES else None)
 
     @cached_property
     def grid(self) -> VoxelGrid:
-        """The grid of the volumes.
-
-        Raises
-        ------
-        ValueError
-            If the coordinates are not those of the attributes.
-        """
+        """The grid of the volumes; coordinates other than the attributes' are refused."""
         grid = VoxelGrid(**self.attributes["grid"])
         for name, centres in zip("xyz", grid.axes(), strict=True):
             if not np.array_equal(found := self.values(name), centres):
@@ -179,13 +153,7 @@ class SeriesStore:
         return bool(self._recorded(block).all())
 
     def volume(self, place: int) -> Volume:
-        """Return the volume of a frame by its place in the store.
-
-        Raises
-        ------
-        ValueError
-            If the frame is not complete, or its file is damaged.
-        """
+        """Return the volume of a frame by its place in the store, if it is complete and sound."""
         (state,) = self._recorded(range(place, place + 1))
         if state != COMPLETE:
             found = "left out, as it could not be read" if state == LEFT_OUT else "missing"
@@ -200,26 +168,14 @@ class SeriesStore:
             yield self.volume(place)
 
     def check_present(self, places: Iterable[int]) -> None:
-        """Raise where the volume of a frame that is recorded as complete is gone.
-
-        Raises
-        ------
-        ValueError
-            One line that names the file and the frame.
-        """
+        """Refuse where the volume of a frame that is recorded as complete is gone, by name."""
         gone = (self._recorded() == COMPLETE) & ~self.complete
         for place in places:
             if gone[place]:
                 self.volume(place)
 
     def to_xarray(self) -> Dataset:
-        """Return the store as an `xarray.Dataset` that reads when asked; NaN where nothing is yet.
-
-        Raises
-        ------
-        ValueError
-            If xarray is not installed.
-        """
+        """Return the store as an `xarray.Dataset` that reads when asked; NaN: nothing is yet."""
         return xarray_or_pip_line().open_zarr(self.path, consolidated=False)
 
     def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:

@@ -18,10 +18,9 @@ from tomo.series.plan import BlockSystem, Plan
 
 
 def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
-    """Return the equations of a block: over the union of its frames' hulls.
+    """Return the equations of a block: over the union of its frames' hulls, of common pixels.
 
-    A pixel takes part where it is usable in all frames of the block. The equations of the plan
-    serve where the block asks for the same voxels and pixels.
+    Those of the plan serve where the block asks for the same voxels and pixels.
     """
     rig, noise = plan.registered.rig, plan.registered.noise
     active, seen = hull_of_frames(

@@ -29,26 +29,17 @@ LEAST_MOVE = 0.05
 class TemporalFilter:
     """Weights of neighbouring frames, for coarse and for fine structures.
 
-    Parameters
-    ----------
-    coarse, fine : tuple of float
-        Weights of the frame itself and of those 1, 2 ... frames away, on either side.
-    velocity : (float, float, float)
-        Voxels along x, y and z by which structures move from one frame to the next.
-    most : float
-        How many times the residual of a frame's own images may grow: a frame whose grows more is
-        unlike its neighbours, and stays as it is.
-
     Notes
     -----
     ``y_t = max(0, Σ_k [a_|k| B + b_|k| (1 - B)] M_k x_(t+k))`` with the solutions ``x``, the blur
     ``B`` of `SPLIT` and ``M_k``, which moves a volume back by ``k`` frames of ``velocity``. With
-    weights from left-out pixels it is an empirical Wiener filter in time.
+    weights from left-out pixels it is an empirical Wiener filter in time. A frame whose
+    own residual would grow more than ``most`` times is unlike its neighbours: it stays as it is.
     """
 
-    coarse: tuple[float, ...]
+    coarse: tuple[float, ...]  # of the frame itself and of those 1, 2 ... away on either side
     fine: tuple[float, ...]
-    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # voxels from one frame to the next
     most: float = math.inf
 
     @classmethod
@@ -61,13 +52,9 @@ class TemporalFilter:
     def apply(
         self, active: ActiveVoxels, solutions: Mapping[int, NDArray[np.float32]], place: int
     ) -> NDArray[np.float32]:
-        """Return the filtered frame at a place, ``(unknowns,)``.
+        """Return the filtered frame at a place, from solutions ``(unknowns,)`` by their places.
 
-        Parameters
-        ----------
-        solutions : mapping
-            Place to ``(unknowns,)``. Neighbours that there are none of, before the first frame
-            and after the last, count as the last on their side.
+        Neighbours that there are none of, at both ends, count as the last on their side.
         """
         pairs = neighbours(active, solutions, place, len(self.coarse) - 1, self.velocity)
         none = np.zeros_like(pairs[0])
@@ -117,9 +104,8 @@ def moved(
 ) -> NDArray[np.float32]:
     """Return unknowns moved by some voxels along x, y and z; zero comes in from outside.
 
-    Cubic convolution along one axis after the other (Keys, "Cubic convolution interpolation for
-    digital image processing", IEEE Transactions on Acoustics, Speech, and Signal Processing 29,
-    1981, with ``a = -1/2``): exact for parabolas, and next to no blur.
+    Cubic convolution along each axis (Keys, IEEE Transactions on Acoustics, Speech, and Signal
+    Processing 29, 1981, with ``a = -1/2``): exact for parabolas, and next to no blur.
     """
     if not (np.abs(move) > LEAST_MOVE).any():
         return values

@@ -39,18 +39,8 @@ class Window:
 
     What is wrong with a camera in every frame would be predicted by the neighbours otherwise. Left
     out pixels of all views do not suffice: on a real plume means over frames predicted them
-    better, and another view worse.
-
-    Attributes
-    ----------
-    fold : Fold
-        The pixels, those of one frame.
-    solutions : mapping
-        Place to the solution, ``(unknowns,)``, without the left-out pixels.
-    left_out, weights : mapping
-        Place to the left-out pixels, and to their weights or None.
-    seen, seen_weights : mapping
-        Place to the other pixels, and to their weights or None.
+    better, and another view worse. Values are by place: the solution ``(unknowns,)``, the left-out
+    pixels, the other pixels, and weights of both.
     """
 
     fold: Fold
@@ -72,10 +62,10 @@ class Window:
         return places[REACH:-REACH] or places
 
     def columns(self, velocity: ArrayLike) -> NDArray[np.float64]:
-        """Return what each weight of a filter adds to the predicted pixels.
+        """Return what each weight of a filter, the coarse first, adds to the predicted pixels.
 
-        ``(predicted frames, pixels, 2 (REACH + 1))``, the coarse weights first; multiplied by the
-        roots of the pixels' weights, as `targets` are.
+        ``(predicted frames, pixels, 2 (REACH + 1))``, times the roots of weights, as `targets`
+        are.
         """
         project, blur = self.fold.left_out, Blur(self.active, SPLIT)
         found = []
@@ -114,19 +104,12 @@ class Window:
 
 @dataclass(frozen=True)
 class TemporalChoice:
-    """Whether and how frames are filtered in time, and why.
-
-    Attributes
-    ----------
-    held_out_residual, alone : float
-        Relative residual of the left-out pixels by the filter, and by frames for themselves; NaN
-        where nothing was compared.
-    """
+    """Whether and how frames are filtered in time, and why."""
 
     filter: TemporalFilter | None
     reason: str
-    held_out_residual: float = math.nan
-    alone: float = math.nan
+    held_out_residual: float = math.nan  # relative, of left-out pixels, by the filter
+    alone: float = math.nan  # by frames for themselves; NaN: not compared
 
     def report(self) -> dict[str, object]:
         """Return it as plain numbers and words."""
@@ -152,15 +135,12 @@ def leave_out(
 def choose_filter(windows: Sequence[Window]) -> TemporalChoice:
     """Choose the weights of neighbouring frames by least squares on the left-out views.
 
-    Notes
-    -----
     Weights are linear in the predicted pixels: ``min_c Σ w (b - Σ_j c_j (A F_j))²`` over all
     windows, with the mean motion (`velocity_of`) unless left-out views are surely predicted better
-    without it. Each window is predicted by the
-    weights of the others. Frames are filtered where that is better, by more than chance
-    (`surely_lower`), than the best weights of the frame alone, and than the frame as it is: the
-    neighbours have to pay, not the sharpening that weights of one frame can do too. The gain has
-    to be `PAYS` at least.
+    without it. Each window is predicted by the weights of the others. Frames are filtered where
+    that is better, by more than chance (`surely_lower`) and by `PAYS`, than the frame as it is and
+    than the best weights of the frame alone: neighbours have to pay, not the sharpening that one
+    frame's weights can do too.
     """
     targets = [one.targets for one in windows]
     light = sum(float(np.sum(each**2)) for each in targets)
@@ -196,8 +176,6 @@ def choose_filter(windows: Sequence[Window]) -> TemporalChoice:
 def velocity_of(windows: Sequence[Window]) -> tuple[float, float, float]:
     """Return the mean motion of the structures from one frame to the next, in voxels.
 
-    Notes
-    -----
     The ``v`` of least ``Σ (x_(t+1) - x_t(. - v))²`` over all voxels and frames, by Gauss and
     Newton's method from 0, on volumes blurred by `SPLIT` (Lucas and Kanade, "An iterative image
     registration technique with an application to stereo vision", IJCAI 1981).
@@ -231,9 +209,9 @@ def _fitted(
 ) -> NDArray[np.float64]:
     """Return the weights of least squares over some windows, falling with distance, >= 0.
 
-    Coarse and fine weights alike are a mixture of means over the frame and its ``j`` neighbours on
-    either side, ``a_k = Σ_(j >= k) e_j`` with ``e >= 0``: a weight of its own for each would fit
-    the noise of few pixels. Their sum is free: with less noise less has to be smoothed.
+    Coarse and fine ones are a mixture of means over the frame and its ``j`` neighbours on either
+    side, ``a_k = Σ_(j >= k) e_j`` with ``e >= 0``: free weights would fit the noise of few pixels.
+    Their sum is free: with less noise less has to be smoothed.
     """
     from scipy.optimize import nnls  # slow to import
 

@@ -28,13 +28,7 @@ from tomo.series.store import SeriesStore
 
 @dataclass(frozen=True)
 class SeriesAnswer:
-    """Whether the volumes of a series explain their images.
-
-    Attributes
-    ----------
-    verdict : str
-        That of the middle frame, ordered by how well they are explained.
-    """
+    """Whether the volumes of a series explain their images; the verdict is the middle frame's."""
 
     verdict: str
     sentence: str
@@ -54,12 +48,9 @@ def answer_of_series(
 ) -> SeriesAnswer:
     """Return the answer from the figures of the frames.
 
-    Parameters
-    ----------
-    table : mapping
-        ``view_beyond_noise`` ``(frames, cameras)``: the residual that noise does not explain, as a
-        fraction of the image; NaN of dark images and of excluded cameras. ``psnr``, optional:
-        where it is known, a camera was held out and does not count. ``complete`` ``(frames,)``.
+    ``table`` has ``view_beyond_noise`` ``(frames, cameras)``, NaN of dark images and of excluded
+    cameras; ``psnr``, optional: where it is known, a camera was held out and does not count; and
+    ``complete`` ``(frames,)``.
     """
     beyond, complete = np.asarray(table["view_beyond_noise"]), np.asarray(table["complete"]) == 1
     if "psnr" in table:
@@ -97,13 +88,7 @@ def answer_of_series(
 
 @dataclass(frozen=True, eq=False)
 class SeriesTable:
-    """The figures of a series.
-
-    Attributes
-    ----------
-    columns : mapping of str to (frames,) or (frames, cameras)
-        `FIGURES`, `CAMERA_FIGURES` and ``complete``; NaN where there is none.
-    """
+    """The figures of a series: of each frame, or of each frame and camera; NaN where none is."""
 
     store: SeriesStore
     frames: NDArray[np.int64]
@@ -140,11 +125,10 @@ class SeriesTable:
 
 
 def verdict_of_series(table: SeriesTable) -> dict[str, Any]:
-    """Return the verdict of a series, as ``--json`` has it.
+    """Return the verdict of a series, as ``--json`` has it: the worst frame's, and counts of all.
 
-    Its ``level`` is that of the worst frame, ``frames`` counts those of each level. A reason that
-    not all frames share says how many do, in the words of the frame that is explained least. The
-    cameras, which are settled once, are in the verdict of every frame.
+    A reason that not all frames share says how many do, in the words of the frame explained least.
+    The cameras, which are settled once, are in the verdict of every frame.
     """
     frames = list(_frames(table))
     if not frames:

@@ -53,24 +53,12 @@ Words = Callable[[str, float, int], str]
 
 @dataclass(frozen=True)
 class Finding:
-    """Something of a series that changes.
+    """Something of a series that changes."""
 
-    Attributes
-    ----------
-    kind : str
-        ``gain``, ``residual``, ``psnr``, ``spikes`` or ``skipped``.
-    camera : str
-        Empty where it is no single camera's.
-    frame : int
-        Number in the scan of the first frame concerned.
-    size : float
-        The change: a fraction of the gain, a ratio of residuals, dB, or how many frames.
-    """
-
-    kind: str
-    camera: str
-    frame: int
-    size: float
+    kind: str  # gain, residual, psnr, spikes or skipped
+    camera: str  # empty where it is no single camera's
+    frame: int  # number in the scan of the first frame concerned
+    size: float  # a fraction of the gain, a ratio of residuals, dB, or how many frames
     line: str
 
 
@@ -79,17 +67,9 @@ def watch(
 ) -> list[Finding]:
     """Return what changes in a series for good, and frames that stand out.
 
-    Parameters
-    ----------
-    table : mapping
-        Figures of the frames in their order: ``view_light``, ``view_residual`` and ``psnr``
-        ``(frames, cameras)``, and ``complete`` ``(frames,)``, 2 for frames that were left out.
-        NaN where there is no figure.
-
-    Returns
-    -------
-    list of Finding
-        Frames left out first, then by kind and camera.
+    ``table`` has ``view_light``, ``view_residual`` and ``psnr`` ``(frames, cameras)``, NaN where
+    there is none, and ``complete`` ``(frames,)``. Frames left out come first, then kinds and
+    cameras.
     """
     numbers = np.asarray(frames)
     found = list(_left_out(np.asarray(table["complete"]), numbers))
@@ -109,20 +89,13 @@ def watch(
 
 
 def lasting_change(values: NDArray[np.float64]) -> tuple[int, float] | None:
-    """Return the place from which values differ for good, and by how much; None if they do not.
+    """Return the place from which values ``(N,)`` differ for good, and by how much; None: nowhere.
 
     Medians before and after are compared, at the place where they fit best, and the change counts
     where it is `APART` times the spread around them. Where a straight line fits better, the change
     is that of the line from its first to its last value. The place is that from which values lie
     nearer the new level than the old one.
 
-    Parameters
-    ----------
-    values : (N,) float64
-        Finite.
-
-    Examples
-    --------
     >>> lasting_change(np.repeat([1.0, 1.5], 20))
     (20, 0.5)
     """
@@ -209,8 +182,8 @@ def _logarithm(values: NDArray) -> NDArray:
 def _against_the_others(values: NDArray) -> NDArray:
     """Return logarithms ``(frames, cameras)`` less what the cameras have in common in each frame.
 
-    A volume follows a camera whose gain drifts, and so is wrong for the others. Each camera's own
-    level, the median over the frames, is taken away first.
+    A volume follows a camera that drifts, and is wrong for the others. Each camera's median over
+    the frames is taken away first.
     """
     logarithms = np.ma.masked_invalid(_logarithm(values))
     for axis in (0, 1):

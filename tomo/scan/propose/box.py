@@ -24,36 +24,22 @@ from tomo.scan.scan import Scan
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """A box, and how it was found.
-
-    Attributes
-    ----------
-    lower, upper : (3,) float64
-    cut : tuple of str
-        Cameras whose images are bright at their edges: the light goes on beyond them.
-    """
+    """A box, its corners ``(3,)``, and how it was found."""
 
     lower: NDArray[np.float64]
     upper: NDArray[np.float64]
     reason: str
-    cut: tuple[str, ...] = ()
+    cut: tuple[str, ...] = ()  # cameras with light at edges: it goes on beyond them
 
 
 def box_of_light(scan: Scan, frames: Sequence[str]) -> Box:
-    """Return the box around all that dark pixels do not prove empty in some frames.
+    """Return the box around all that dark pixels do not prove empty in some whole frames.
 
-    Parameters
-    ----------
-    frames : sequence of str
-        Each has an image of every camera.
-
-    Notes
-    -----
     The search begins in a cube about the point where the axes meet, as wide as the widest field of
-    view there. Its voxels are carved, see `tomo.hull.carving.carve`, after a uniform background is
-    taken off each image, and those are left that half as many cameras see as the most, two at
-    least. The box around them is searched twice more by finer voxels. One voxel is added at each
-    side, for emission that is fainter than carving's threshold.
+    view there. Its voxels are carved after a uniform background is taken off each image, and those
+    are left that half as many cameras see as the most, two at least. The box around them is
+    searched twice more by finer voxels, each time with one voxel more at each side, for emission
+    that is fainter than carving's threshold.
     """
     point = point_in_view(scan.rig)
     if point is None:
@@ -88,13 +74,7 @@ def box_of_light(scan: Scan, frames: Sequence[str]) -> Box:
 
 
 def grid_in(rig: Rig, box: Box, voxel: float | None = None) -> tuple[VoxelGrid, int, RigCheck]:
-    """Return the voxels that suit a box, by how much images may be shrunk, and the rig's check.
-
-    Parameters
-    ----------
-    voxel : float, optional
-        An edge length; the one of `rigs.check.grid_choice.suitable_voxel` when None.
-    """
+    """Return the voxels that suit a box, by how much images may be shrunk, and the rig's check."""
     extent = box.upper - box.lower
     check = check_rig(rig, VoxelGrid.from_bounds((COARSEST,) * 3, box.lower, box.upper))
     sizes = [figures.footprint for figures in check.cameras if math.isfinite(figures.footprint)]
@@ -160,8 +140,7 @@ def _in_view(rig: Rig, grid: VoxelGrid) -> NDArray[np.bool_]:
 def _certain(brightness: Brightness) -> float | str:
     """Return the intensity from which pixels are certainly bright; ``auto`` where none is.
 
-    Noise makes some pixels brighter than what carving takes for dark. That is little of a flame's
-    voxels, but a box is as large as its outermost ones.
+    A box is as large as its outermost voxels: noise above carving's threshold would widen it.
     """
     pairs = zip(brightness.images, brightness.certain, strict=True)
     lowest = [float(image[certain].min()) for image, certain in pairs if certain.any()]

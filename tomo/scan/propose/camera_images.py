@@ -23,25 +23,13 @@ _USUAL = "images/"
 
 @dataclass(frozen=True)
 class CameraImages:
-    """The images of a rig's cameras.
+    """The images of a rig's cameras."""
 
-    Attributes
-    ----------
-    pattern : str
-        How they are named, as scan.yaml has it.
-    films : dict of str to Film
-        By camera; empty where the images are files.
-    is_pattern_enough : bool
-        Whether the pattern alone finds these images and no others.
-    others : tuple of str
-        Patterns of other images that could be meant.
-    """
-
-    pattern: str
+    pattern: str  # how they are named, as scan.yaml has it
     frames: tuple[Frame, ...]
-    films: dict[str, Film] = field(default_factory=dict)
-    is_pattern_enough: bool = True
-    others: tuple[str, ...] = ()
+    films: dict[str, Film] = field(default_factory=dict)  # by camera; empty where images are files
+    is_pattern_enough: bool = True  # it finds these and no others
+    others: tuple[str, ...] = ()  # patterns of other images that could be meant
 
     @property
     def moments(self) -> tuple[Frame, Frame, Frame]:
@@ -88,8 +76,8 @@ def images_of(
 def renamed_as_images(contents: Contents, rig: Rig) -> dict[str, str]:
     """Return the names that images give a rig's cameras, where they differ in writing alone.
 
-    ``cam1``, ``Cam_01`` and ``camera-1`` are one; nothing where cameras have their names, or
-    where that leaves a camera without a name or two with one.
+    ``cam1``, ``Cam_01`` and ``camera-1`` are one. Nothing where each has its name, or not just
+    one.
     """
     if any(
         set(named) == set(rig.names) for named in patterns_of(contents.light, rig.names).values()

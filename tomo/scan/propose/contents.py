@@ -100,20 +100,12 @@ _RESULTS = ("report.json", "volume.npz")  # a folder that has one was written by
 
 @dataclass(frozen=True)
 class Contents:
-    """The images in a folder, by what their names say that they show.
-
-    Attributes
-    ----------
-    light : tuple of PurePosixPath
-        Images and films of emission, relative to the folder.
-    dark, flat : tuple of PurePosixPath
-        Those without light or with background light, and those of even light.
-    """
+    """The images in a folder, relative to it, by what their names say that they show."""
 
     folder: Path
-    light: tuple[PurePosixPath, ...]
-    dark: tuple[PurePosixPath, ...]
-    flat: tuple[PurePosixPath, ...]
+    light: tuple[PurePosixPath, ...]  # images and films of emission
+    dark: tuple[PurePosixPath, ...]  # without light, or with background light
+    flat: tuple[PurePosixPath, ...]  # of even light
 
     @classmethod
     def of(cls, folder: Path) -> Contents:
@@ -149,11 +141,7 @@ class Contents:
 
 
 def kind_of(path: PurePosixPath) -> str:
-    """Return the correction that an image is for by its name or a folder's, or nothing.
-
-    >>> kind_of(PurePosixPath("left/dark_frames/01.tif")), kind_of(PurePosixPath("darker/01.tif"))
-    ('dark', '')
-    """
+    """Return the correction that an image is for by its name or a folder's, or nothing."""
     text = path.with_suffix("").as_posix().lower()
     for kind, words in KINDS.items():
         if re.search(rf"(?<![a-z])({'|'.join(words)})(s|frames?|fields?)?(?![a-z])", text):
@@ -162,10 +150,9 @@ def kind_of(path: PurePosixPath) -> str:
 
 
 def find_rig(folder: Path) -> tuple[Path, str, list[str]]:
-    """Return the only rig in a folder, or else in the folders in it, and so on; and its format.
+    """Return the nearest rig in a folder or the folders in it, its format, and other rigs' names.
 
-    A ``rig.yaml`` comes before others, then a ``transforms.json``, the files that make a folder a
-    rig for every command; the names of the others are returned too.
+    A ``rig.yaml`` comes before others, then a ``transforms.json``, which make a folder a rig.
     """
     level: list[Path] = [folder]
     found: list[tuple[Path, str]] = []

@@ -24,11 +24,7 @@ def correction_of(
 ) -> str | None:
     """Return the value that scan.yaml has for dark or flat frames; None where there are none.
 
-    Parameters
-    ----------
-    name : {"dark", "flat"}
-    images : str
-        The pattern of the cameras' images: frames beside them come before those elsewhere.
+    Frames beside ``images``, the pattern of the cameras' images, come before those elsewhere.
     """
     files = contents.dark if name == "dark" else contents.flat
     if not files:
