@@ -40,12 +40,8 @@ class Stages:
     @property
     def records(self) -> dict[str, Record]:
         """The seconds and warnings of each, by its name in ``report.json``."""
-        both = self.reference.record, self.load.record
-        load = Record(
-            sum(one.seconds for one in both), tuple(line for one in both for line in one.warnings)
-        )
         return {
-            "load": load,
+            "load": self.reference.record + self.load.record,
             **self.ready.records,
             "solve": self.solve.record,
             "compare": self.compare.record,

@@ -46,35 +46,32 @@ def warm_up(tracer: str, form: str = STORED) -> float:
 
 def warm_up_stages(tracer: str, *, carving: bool, progress: Progress | None = None) -> float:
     """Warm up the stages that will be used; return the seconds that it took."""
-    steps: dict[str, Callable[[], float]] = {
+    steps: dict[str, Callable[[], object]] = {
         "tracing": partial(warm_up, tracer),
-        "inference": warm_up_inference,
+        "inference": _warm_up_inference,
+        **({"carving": _warm_up_carving} if carving else {}),
     }
-    if carving:
-        steps["carving"] = warm_up_carving
-    seconds = 0.0
+    started = time.perf_counter()
     for number, (name, warm) in enumerate(steps.items()):
         if progress:
             progress(number, len(steps), name)
-        seconds += warm()
-    return seconds
+        warm()
+    return time.perf_counter() - started
 
 
-def warm_up_carving() -> float:
-    """Carve a small grid by three small views; return the seconds that it took."""
-    started, seen = time.perf_counter(), _spots()
+def _warm_up_carving() -> None:
+    seen = _spots()
     carve(tuple(seen.rig), seen.images, None, seen.grid)
-    return time.perf_counter() - started
 
 
-def warm_up_inference() -> float:
-    """Fit three small views, and draw a null of them; return the seconds that it took."""
-    started, seen = time.perf_counter(), _spots()
+def _warm_up_inference() -> None:
+    """Fit three small views, and draw a null of them."""
+    seen = _spots()
     exact_images(seen, first_fit(seen).means, 0)
-    return time.perf_counter() - started
 
 
 def _spots() -> Observation:
+    """Return what three small views see of a spot."""
     rig = ring(3, distance=50.0, image_size=(15, 15), footprint=1.0)
     place = np.linspace(-3, 3, 15)
     spot = np.exp(-(place**2) - place[:, None] ** 2).astype(np.float32)  # no hot pixel: as wide

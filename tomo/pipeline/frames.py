@@ -80,12 +80,9 @@ def usable_in_all(masks: Sequence[Masks]) -> list[NDArray[np.bool_]]:
 def noise_of_frames(frames: Sequence[FrameImages]) -> tuple[NoiseModel, ...]:
     """Return the noise of one frame, for each camera: the median of what frames show."""
     found = []
-    for images, masks in zip(
-        zip(*(one.images for one in frames), strict=True),
-        zip(*(one.masks for one in frames), strict=True),
-        strict=True,
-    ):
-        own = [estimate_noise(*both) for both in zip(images, masks, strict=True)]
+    pairs = (zip(one.images, one.masks, strict=True) for one in frames)
+    for each in zip(*pairs, strict=True):  # an image and a mask of every frame, by camera
+        own = [estimate_noise(*both) for both in each]
         read, gain = (float(np.median([getattr(one, n) for one in own])) for n in ("read", "gain"))
         found.append(NoiseModel(read, gain))
     return tuple(found)

@@ -42,7 +42,7 @@ from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.place import device_of_inference
 from tomo.pipeline.refine import Refinement, priors_of
 from tomo.pipeline.screen import ScreenedScan, with_image_in_place, without_unusable
-from tomo.pipeline.stage import Record, as_warning, timed
+from tomo.pipeline.stage import as_warning, timed
 from tomo.scan import Scan
 from tomo.selection.folds import FEW_VIEWS
 
@@ -116,11 +116,7 @@ def infer_effects(
         if refinement is not None and refinement.asked:
             stage.warnings.append(refinement.sentence(len(loaded)))
         screened = replace(screened, findings=findings)
-    record = Record(
-        screened.record.seconds + stage.record.seconds,
-        (*screened.record.warnings, *stage.record.warnings),
-    )
-    return replace(screened, record=record)
+    return replace(screened, record=screened.record + stage.record)
 
 
 def _inferred(

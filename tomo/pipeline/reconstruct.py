@@ -29,7 +29,7 @@ from tomo.pipeline.options import Options
 from tomo.pipeline.prepare import INFERENCE, prepare
 from tomo.pipeline.reconstruction import Reconstruction
 from tomo.pipeline.solve import SOLVE, Compared, compare, solve, with_own_absorption
-from tomo.pipeline.stage import Pace, as_warning
+from tomo.pipeline.stage import Pace, Record, as_warning
 from tomo.pipeline.view import peak_of
 from tomo.scan import Scan
 from tomo.scan.downsample import Coarser
@@ -162,8 +162,7 @@ def _reconstruct(
         if quick is not None:
             pace.expect(_expected(own.seconds, cast("int", quick.preview)))
             early(PREVIEW, quick)
-        record = replace(loaded.record, warnings=(*loaded.record.warnings, *lines))
-        loaded = replace(loaded, record=record)
+        loaded = replace(loaded, record=loaded.record + Record(warnings=tuple(lines)))
     refine = cameras_to_refine(options, loaded.scan)
     found = _run_stages(loaded, grid, options, pace, reference, refine, early)
     return assemble(found, options, first_use=first_use, seconds=time.perf_counter() - began)

@@ -33,6 +33,9 @@ class Record:
     seconds: float = 0.0
     warnings: tuple[str, ...] = ()
 
+    def __add__(self, later: Record) -> Record:
+        return Record(self.seconds + later.seconds, self.warnings + later.warnings)
+
 
 @contextmanager
 def timed() -> Iterator[Stage]:

@@ -60,7 +60,7 @@ class HeldPlan(WorkerPlugin):
     def teardown(self, worker: object) -> None:
         """Let the store and the plan go."""
         if self._held is not None:
-            self._held[2].__exit__(None, None, None)
+            self._held[2].close()
         self._held, self._packed = None, b""
 
     def solve(self, block: range, wait: bool) -> bool:

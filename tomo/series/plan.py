@@ -1,8 +1,8 @@
-"""The plan of a series: what is settled once for every frame."""
+"""The plan of a series, settled once for every frame, and the equations of its blocks."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -14,14 +14,16 @@ from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.operators.gpu import device_count, on_cpu
 from tomo.operators.gpu.names import CPU, CUDA
-from tomo.pipeline.build import WeightedSystem
+from tomo.pipeline.build import WeightedSystem, in_basis, weigh_images
 from tomo.pipeline.check_options import methods_of
-from tomo.pipeline.evaluate import pixels_in_sight
+from tomo.pipeline.evaluate import pixels_in_sight, system_apart, trace_apart
+from tomo.pipeline.frames import FrameImages, usable_in_all
 from tomo.pipeline.options import Options
 from tomo.pipeline.place import at_device
-from tomo.pipeline.register import Registered
+from tomo.pipeline.register import Registered, hull_of_frames
 from tomo.pipeline.report_json import plain
 from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.trace import through_gas, trace_views
 from tomo.pipeline.view import Peak
 from tomo.scan import Scan
 from tomo.scan.images import Masks
@@ -137,3 +139,57 @@ class Plan:
                 },
             }
         )
+
+
+def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
+    """Return the equations of a block: over the union of its frames' hulls, of common pixels.
+
+    Those of the plan serve where the block asks for the same voxels and pixels.
+    """
+    rig, noise = plan.registered.rig, plan.registered.noise
+    active, seen = hull_of_frames(
+        rig, frames, plan.grid, plan.registered.rule, noise, plan.system.active
+    )
+    usable = usable_in_all([frame.masks for frame in frames])
+    pixels = tuple(usable_in_all([seen, usable]))
+    known = plan.system
+    if np.array_equal(active.mask, known.active.mask) and all(
+        map(np.array_equal, pixels, known.pixels)
+    ):
+        return known
+    key = frames[len(frames) // 2]
+    screened = replace(
+        plan.screened,
+        images=key.images,
+        masks=usable,
+        apart_images=key.apart_images,
+        apart_masks=usable_in_all([frame.apart_masks for frame in frames]),
+    )
+    registered = replace(plan.registered, active=active, masks=pixels)
+    traced = trace_views(screened, registered, plan.grid, plan.options)
+    apart = trace_apart(screened, traced.system, plan.options)
+    of_plan = known.built
+    found = plan.screened.corrections
+    system, _ = in_basis(
+        traced.system, of_plan.basis.name, plan.options.supersample, "", found and found.blur
+    )
+    system = through_gas(system, of_plan.absorption, plan.emission, plan.options)
+    methods = methods_of(plan.options)
+    system, place = at_device(system, plan.options, methods)
+    built = replace(of_plan, system=system, choice=None, place=place)
+    if apart is not None:
+        apart = system_apart(apart, built, plan.emission, plan.options)
+        apart, _ = at_device(apart, plan.options, methods)
+    return BlockSystem(built, apart, active, pixels)
+
+
+def weighted(plan: Plan, system: BlockSystem, frame: FrameImages) -> WeightedSystem:
+    """Return the equations with the pixels of one frame, and weights."""
+    known, of_block = plan.system.built, system.built.system
+    weights = None
+    if known.weighting["used"]:
+        found = weigh_images(
+            plan.registered.rig, plan.grid, frame.images, frame.masks, plan.registered.noise
+        )
+        weights = None if found.images is None else of_block.flatten(found.images)
+    return replace(system.built, measured=of_block.flatten(frame.images), weights=weights)

@@ -7,7 +7,7 @@ import gc
 import itertools
 import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, closing, contextmanager, nullcontext
 from dataclasses import replace
 from operator import itemgetter
 from pathlib import Path
@@ -26,7 +26,7 @@ from tomo.scan.files import as_scan
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, reader_of
 from tomo.series.layout import mend_descriptions
 from tomo.series.overlap import read_ahead, write_behind
-from tomo.series.plan import Plan
+from tomo.series.plan import Plan, system_of_block
 from tomo.series.same_run import (
     Claims,
     attributes_of_plan,
@@ -43,7 +43,6 @@ from tomo.series.solving import (
     solve_together,
 )
 from tomo.series.store import SeriesStore
-from tomo.series.systems import system_of_block
 
 if TYPE_CHECKING:
     from os import PathLike
@@ -135,7 +134,7 @@ def run_plan(plan: Plan, store: SeriesStore, progress: Progress | None = None) -
     Blocks of another run are waited for, and done here where it ended before them.
     """
     blocks = blocks_of(len(plan.places))
-    with Claims(store.path) as claims:
+    with closing(Claims(store.path)) as claims:
         for wait in (False, True):
             missing = [block for block in blocks if not store.is_complete(block)]
             run_blocks(plan, store, claims, missing, wait, progress)

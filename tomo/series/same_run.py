@@ -9,10 +9,10 @@ import logging
 import os
 import zlib
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import closing, suppress
 from dataclasses import replace
 from pathlib import Path
-from types import TracebackType
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 import yaml
@@ -158,24 +158,16 @@ class Claims:
     """
 
     def __init__(self, store: Path) -> None:
-        try:
+        self._system: Any = None
+        with suppress(ImportError):
             import fcntl
-        except ImportError:
-            self._system = None
-        else:
+
             self._system = fcntl
         # one handle: POSIX takes all locks of a process away when it closes any handle of a file
         self._handle = os.open(store / LOCK, os.O_RDWR | os.O_CREAT, 0o666)
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Let all blocks go."""
         os.close(self._handle)
 
     def take(self, block: range, *, wait: bool) -> bool:
@@ -234,7 +226,7 @@ def mend(
         progress(store.n_frames, store.n_frames, "")
     if not damaged:  # nothing is written: the store may be on a disk that allows none
         return
-    with Claims(store.path) as claims:
+    with closing(Claims(store.path)) as claims:
         for block in damaged:
             if not claims.take(block, wait=False):
                 continue

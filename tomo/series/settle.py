@@ -17,6 +17,7 @@ from tomo.operators.gpu.names import settled
 from tomo.operators.system import Progress
 from tomo.pipeline.build import BLOCK
 from tomo.pipeline.check_options import cameras_to_refine, check_cameras, check_options, methods_of
+from tomo.pipeline.coarse import FEWEST_VIEWS
 from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
 from tomo.pipeline.frames import FrameImages
@@ -30,9 +31,8 @@ from tomo.scan import Scan
 from tomo.selection import choose_by_left_out_pixels
 from tomo.selection.choose import Choice
 from tomo.series.frames import read_frame, readable_keys, reader_of, spread
-from tomo.series.plan import BlockSystem, Plan
+from tomo.series.plan import BlockSystem, Plan, system_of_block, weighted
 from tomo.series.solving import solved_together
-from tomo.series.systems import system_of_block, weighted
 from tomo.series.temporal import REACH, TemporalFilter
 from tomo.series.temporal_choice import WINDOW, TemporalChoice, Window, choose_filter, leave_out
 
@@ -40,21 +40,14 @@ CHOOSING = 3
 """Key frames of which each says how smooth volumes are to be. More: planning takes long, though
 frames of one film agree. Fewer: one odd frame decides for all."""
 
-REFUSED = {
-    "compare": (),
-    "time_limit": None,
-}
-"""Options that have no meaning for a series, with the values that do not ask for them."""
-
 
 def check_series_options(options: Options, scan: Scan, grid: VoxelGrid | None) -> None:
     """Refuse options that a series cannot follow, see `check_options` for the others."""
     check_options(options, scan, grid)
-    for name, value in REFUSED.items():
-        if getattr(options, name) != value:
+    for name in ("compare", "time_limit"):
+        if asked := getattr(options, name):
             raise ValueError(
-                f"{name}: found {getattr(options, name)!r} with frames, expected it for one frame "
-                "alone"
+                f"{name}: found {asked!r} with frames, expected it for one frame alone"
             )
     if options.uncertainty not in (0, AUTO):
         raise ValueError(
@@ -141,9 +134,6 @@ def middle(choices: Sequence[Choice]) -> Choice:
     return order[len(order) // 2]
 
 
-LEAST_VIEWS = 2
-"""Views up to which none can be left out: one alone says nothing of another."""
-
 WINDOWS = 2
 """Windows, spread over the series. More: planning takes long. Fewer: one odd moment decides."""
 
@@ -162,7 +152,7 @@ def settle_filter(
     if count <= 2 * REACH:
         return TemporalChoice(None, f"{count} frames are too few to see what neighbours say")
     views = len(plan.registered.rig)
-    if views <= LEAST_VIEWS:
+    if views < FEWEST_VIEWS:
         return TemporalChoice(None, f"{views} views are too few to leave one out")
     windows, length = [], min(WINDOW, count)
     enough = count >= WINDOWS * length

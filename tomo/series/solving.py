@@ -21,8 +21,7 @@ from tomo.radiometry.units import unit_of_total
 from tomo.selection import solve_several_smoothly
 from tomo.selection.choose import Choice
 from tomo.selection.smooth_solve import smooth_start
-from tomo.series.plan import BlockSystem, Plan
-from tomo.series.systems import weighted
+from tomo.series.plan import BlockSystem, Plan, weighted
 from tomo.series.temporal import TemporalFilter, growth
 from tomo.solvers import Iteration, Solution
 

@@ -8,6 +8,7 @@ import socket
 import sys
 import threading
 import time
+from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -81,7 +82,7 @@ def test_lost_workers_cost_their_blocks_only(local, plan, store, undisturbed, as
     killed = []
 
     def kill_in_the_first_block():
-        with Claims(store.path) as claims:
+        with closing(Claims(store.path)) as claims:
             while claims.take(first, wait=False):
                 claims.release(first)
                 time.sleep(0.005)

@@ -2,6 +2,7 @@ import errno
 import os
 import subprocess
 import sys
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -135,7 +136,7 @@ def test_two_runs_share_the_blocks_of_a_store(plan, store, undisturbed, assert_s
     )  # fmt: skip
     try:
         assert other.stdout.readline() == "True\n"
-        with Claims(store.path) as claims:
+        with closing(Claims(store.path)) as claims:
             assert claims.take(first, wait=False)
             assert not claims.take(last, wait=False)
             claims.release(first)

@@ -10,9 +10,9 @@ from tomo.operators import Absorption
 from tomo.pipeline.trace import through_gas
 from tomo.series import reconstruct_series
 from tomo.series.frames import blocks_of, reader_of
+from tomo.series.plan import weighted
 from tomo.series.run import solve_block
 from tomo.series.solving import solved_together
-from tomo.series.systems import weighted
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
