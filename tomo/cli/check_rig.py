@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -10,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from tomo.cli.console import print_json, say
 from tomo.cli.inputs import Box, check_output_pictures, load_rig_and_grid
-from tomo.pipeline.declared import whole
+from tomo.pipeline.declared import number, whole
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -33,7 +32,7 @@ def check_rig(
     rig: str,
     /,
     *,
-    pixel_accuracy: float | None = None,
+    pixel_accuracy: Annotated[float | None, number(above=0, optional=True)] = None,
     iterations: Annotated[int, whole(0)] = 100,
     time: bool = True,
     out: Sequence[Path] | None = None,
@@ -71,8 +70,6 @@ def check_rig(
         raise ValueError(f"--images: found {images} without a page, expected an .html among --out")
     if pattern is not None and images is None:
         raise ValueError("--pattern: expected --images with it")
-    if pixel_accuracy is not None and not 0 < pixel_accuracy < math.inf:
-        raise ValueError(f"--pixel-accuracy: found {pixel_accuracy:g}, expected a positive number")
     if noise is not None and not 0 < noise < 1:
         raise ValueError(f"--noise: found {noise:g}, expected a fraction between 0 and 1")
     from rigs import check_rig as check_volume

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any
 
 from tomo.cli.console import print_json, say
+from tomo.cli.declared import converted
 from tomo.cli.inputs import check_output_folder
+from tomo.pipeline.declared import Check, choice, number
 
 if TYPE_CHECKING:
     from rigs import Rig
@@ -58,7 +59,7 @@ def convert_rig(
     from_: str | None = None,
     to: str | None = None,
     length_unit: str | None = None,
-    image_size: str | None = None,
+    image_size: Annotated[tuple[int, int] | None, _SIZE] = None,
     ray_tables: bool = False,
     json: bool = False,
     changes: RigChanges,
@@ -88,7 +89,7 @@ def convert_rig(
     from rigs.changes import as_ray_tables
 
     found = from_ or formats.sniff(source)
-    rig = formats.load(source, found, length_unit=length_unit, image_size=_parse_size(image_size))
+    rig = formats.load(source, found, length_unit=length_unit, image_size=image_size)
     rig, notes = changes.of(rig)
     if ray_tables:
         rig = as_ray_tables(rig)
@@ -109,17 +110,27 @@ def convert_rig(
         say(f"{target}: {len(rig)} cameras in {rig.length_unit}, from {found}")
 
 
-def _parse_size(text: str | None) -> tuple[int, int] | None:
-    """Return width and height of ``640x480``."""
-    if text is None:
-        return None
-    match = re.fullmatch(r"(\d{1,7})x(\d{1,7})", text.strip(), re.ASCII)
-    if match is None:
-        raise ValueError(f"--image-size: found {text!r}, expected pixels like 640x480")
-    return int(match[1]), int(match[2])
+def _pixels(count: int, mark: str, expected: str) -> Check:
+    """Accept so many whole numbers with a mark between them."""
+
+    def convert(text: str) -> tuple[int, ...]:
+        parts = text.replace(" ", "").split(mark)
+        if len(parts) != count or not all(re.fullmatch("[0-9]{1,7}", one) for one in parts):
+            raise ValueError
+        return tuple(map(int, parts))
+
+    return Check(expected, convert)
 
 
-T = TypeVar("T")
+_SIZE = _pixels(2, "x", "pixels like 640x480")
+_WINDOW = _pixels(4, ",", "pixels x,y,width,height like 0,8,64,48")
+_QUARTERS = choice("0", "90", "180", "270")
+_DEGREES = Check("90, 180 or 270, clockwise", lambda text: int(_QUARTERS.convert(text)))
+_FACTOR = Check(
+    "a number above 0 that the size of the images was divided by: 2 where it was halved, 0.5 "
+    "where it was doubled",
+    number(above=0).convert,
+)
 
 
 @dataclass(frozen=True)
@@ -163,9 +174,9 @@ class RigChanges:
         kept = self._kept(rig)
         if kept != rig.names:
             rig = with_cameras(rig, {name: name for name in kept})
-        windows = _by_camera(rig, self.crop, "--crop", _window)
-        degrees = _by_camera(rig, self.rotate, "--rotate", _degrees)
-        factors = _by_camera(rig, self.scale, "--scale", _factor)
+        windows = _by_camera(rig, self.crop, "--crop", _WINDOW)
+        degrees = _by_camera(rig, self.rotate, "--rotate", _DEGREES)
+        factors = _by_camera(rig, self.scale, "--scale", _FACTOR)
         changes = {
             name: ImageChange(windows.get(name), degrees.get(name, 0), factors.get(name, 1.0))
             for name in windows | degrees | factors
@@ -200,12 +211,10 @@ def _names(rig: Rig, texts: Sequence[str] | None) -> set[str]:
     return found
 
 
-def _by_camera(
-    rig: Rig, texts: Sequence[str] | None, option: str, parse: Callable[[str, str], T]
-) -> dict[str, T]:
+def _by_camera(rig: Rig, texts: Sequence[str] | None, option: str, check: Check) -> dict[str, Any]:
     """Return values by camera: of ``CAMERA=VALUE``, or for all others of ``VALUE``."""
-    own: dict[str, T] = {}
-    common: dict[str, T] = {}
+    own: dict[str, Any] = {}
+    common: dict[str, Any] = {}
     for text in texts or ():
         name, is_own, value = text.rpartition("=")
         if is_own:
@@ -215,36 +224,8 @@ def _by_camera(
         if into.keys() & set(known):
             whose = f"camera {name}" if is_own else "all cameras"
             raise ValueError(f"{option}: found twice for {whose}, expected once")
-        into |= dict.fromkeys(known, parse(value.strip(), option))
+        into |= dict.fromkeys(known, converted(check, value.strip(), option))
     return common | own
-
-
-def _window(text: str, option: str) -> tuple[int, int, int, int]:
-    if not re.fullmatch(r"\d{1,7}(,\d{1,7}){3}", text.replace(" ", ""), re.ASCII):
-        raise ValueError(
-            f"{option}: found {text!r}, expected pixels x,y,width,height like 0,8,64,48"
-        )
-    x, y, width, height = map(int, text.split(","))
-    return x, y, width, height
-
-
-def _degrees(text: str, option: str) -> int:
-    if text not in ("0", "90", "180", "270"):
-        raise ValueError(f"{option}: found {text!r}, expected 90, 180 or 270, clockwise")
-    return int(text)
-
-
-def _factor(text: str, option: str) -> float:
-    try:
-        factor = float(text)
-    except ValueError:
-        factor = math.nan
-    if not (math.isfinite(factor) and factor > 0):
-        raise ValueError(
-            f"{option}: found {text!r}, expected a number above 0 that the size of the images was "
-            "divided by: 2 where it was halved, 0.5 where it was doubled"
-        )
-    return factor
 
 
 def _new_names(rig: Rig, texts: Sequence[str]) -> dict[str, str]:

@@ -92,19 +92,20 @@ class Given:
     def value_of(self, parsed: Any) -> Any:
         """Return what the function takes for what typer has parsed."""
         if not self.is_many:
-            return parsed if parsed is None or self.check is None else self._converted(parsed)
-        if not parsed:
-            return self.default
-        return [text if self.check is None else self._converted(text) for text in parsed]
+            return parsed if parsed is None or self.is_switch else self._converted(parsed)
+        return [self._converted(text) for text in parsed] if parsed else self.default
 
     def _converted(self, text: str) -> Any:
-        check = self.check
-        assert check is not None
-        try:
-            return check.convert(text)
-        except (TypeError, ValueError, OverflowError):
-            name = self.metavar if self.is_argument else flag(self.name)
-            raise ValueError(f"{name}: found {text!r}, {check.instead_of(text)}") from None
+        name = self.metavar if self.is_argument else flag(self.name)
+        return text if self.check is None else converted(self.check, text, name)
+
+
+def converted(check: Check, text: str, name: str) -> Any:
+    """Return the value of a text; what is wrong is a line that begins with a name."""
+    try:
+        return check.convert(text)
+    except (TypeError, ValueError, OverflowError):
+        raise ValueError(f"{name}: found {text!r}, {check.instead_of(text)}") from None
 
 
 def command_line(

@@ -7,13 +7,11 @@ import signal
 import sys
 import threading
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from tomo.cli.console import say
+from tomo.cli.images import Images
 from tomo.pipeline.declared import whole
-
-if TYPE_CHECKING:
-    from tomo import Scan
 
 EXAMPLES = """
 flametomo view out
@@ -28,9 +26,7 @@ def view(
     /,
     *,
     scan: Path | None = None,
-    rig: Path | None = None,
-    images: Path | None = None,
-    pattern: str | None = None,
+    images: Images,
     port: Annotated[int, whole(1, 65535)] = 8080,
     browser: bool = True,
 ) -> None:
@@ -45,16 +41,12 @@ def view(
         What reconstruct wrote, a volume file, a rig, or a scan: a rig with images.
     scan : SCAN
         The scan that the volume was made from, where it is no longer where it was.
-    rig : FILE
-        A rig.yaml, with --images, in place of --scan.
-    images : FOLDER
-        Images CAMERA/FRAME.tif, with --rig.
     port : N
         The first free port from here on is taken.
     browser :
         Open the page in a browser.
     """
-    known = _scan(scan, rig, images, pattern)
+    known = images.scan(scan) if scan is not None or images != Images() else None
     from tomo.view import Viewer, content_of
 
     content = content_of(shown, known)
@@ -70,21 +62,6 @@ def view(
     while not ends.wait(0.5):
         pass
     viewer.stop()
-
-
-def _scan(
-    scan: Path | None, rig: Path | None, images: Path | None, pattern: str | None
-) -> Scan | None:
-    """Return the scan that the options name; None without."""
-    from tomo import load_scan, scan_of_images
-
-    if scan is not None and rig is None and pattern is None:
-        return load_scan(scan, images)
-    if rig is not None and images is not None and scan is None:
-        return scan_of_images(rig, images, pattern)
-    if (scan, rig, images, pattern) != (None,) * 4:
-        raise ValueError("--scan: expected either a scan, or --rig and --images together")
-    return None
 
 
 def _has_display() -> bool:

@@ -15,7 +15,7 @@ from tomo.measurement import NoiseModel
 from tomo.operators import TRANSPARENT, Absorption, LinearSystem
 from tomo.operators.gpu import on_device
 from tomo.operators.gpu.device import Device
-from tomo.scan.downsample import Coarser
+from tomo.scan.downsample import coarser_grid, coarser_images
 
 Images = tuple[NDArray[np.float32], ...]
 Masks = tuple[NDArray[np.bool_], ...]
@@ -90,13 +90,18 @@ class Observation:
         """
         if factor == 1:
             return replace(self, supersample=rays)
-        found = Coarser.of(self.rig, self.images, self.masks, self.grid, factor)
+        images, masks = coarser_images(self.images, self.masks, factor)
         noise = tuple(NoiseModel(one.read / factor, one.gain / factor**2) for one in self.noise)
         return replace(
-            self, rig=found.rig, images=found.images, masks=found.masks, noise=noise,
-            grid=found.grid,
-            supersample=rays, pixel=factor * self.pixel,
-        )  # fmt: skip
+            self,
+            rig=replace(self.rig, cameras=tuple(camera.shrunk(factor) for camera in self.rig)),
+            images=tuple(images),
+            masks=tuple(masks),
+            noise=noise,
+            grid=coarser_grid(self.grid, factor),
+            supersample=rays,
+            pixel=factor * self.pixel,
+        )
 
     def ordered(self, names: Sequence[str]) -> Observation:
         """Return the observation with its views in the order of their names."""

@@ -32,7 +32,7 @@ from tomo.pipeline.solve import SOLVE, Compared, compare, solve, with_own_absorp
 from tomo.pipeline.stage import Pace, Record, as_warning
 from tomo.pipeline.view import peak_of
 from tomo.scan import Scan
-from tomo.scan.downsample import Coarser
+from tomo.scan.downsample import coarser_grid, coarser_images
 from tomo.scan.files import as_scan
 
 TRUST = "how far to trust it"
@@ -180,14 +180,12 @@ def _previewed(
     began, scan = time.perf_counter(), loaded.scan
     # as many segments as those that inference solves, which has so many rays in each pixel
     times = factor_of(scan.rig, grid, SEGMENTS * RAYS**2)
-    coarse = Coarser.of(scan.rig, loaded.images, loaded.masks, grid, times)
-    small = LoadedScan(
-        scan.scaled(times), loaded.frame, list(coarse.images), list(coarse.masks), loaded.record
-    )
+    images, masks = coarser_images(loaded.images, loaded.masks, times)
+    small = LoadedScan(scan.scaled(times), loaded.frame, images, masks, loaded.record)
     quick = Options.quick(**{name: getattr(options, name) for name in _KEPT})
     if progress:
         pace.watch = lambda name: progress(len(pace.seconds), len(STAGES), name)
-    found = _run_stages(small, coarse.grid, quick, pace, Reference(None))
+    found = _run_stages(small, coarser_grid(grid, times), quick, pace, Reference(None))
     pace.end()
     seconds = time.perf_counter() - began
     return replace(assemble(found, quick, first_use=first_use, seconds=seconds), preview=times)

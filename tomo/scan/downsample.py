@@ -3,51 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Self
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig, box_points
 from tomo.grid import VoxelGrid
-
-COARSEST = 24
-"""Voxels along the grid's longest edge, and pixels along an image's shortest, left by
-default."""
+from tomo.scan.images import Images, Masks, blocks_of_pixels
 
 
-@dataclass(frozen=True, eq=False)
-class Coarser:
-    """Cameras, their images ``(rows, columns)`` and a grid, with larger pixels and voxels."""
-
-    rig: Rig
-    images: tuple[NDArray[np.float32], ...]
-    masks: tuple[NDArray[np.bool_], ...]  # True where any pixel was usable
-    grid: VoxelGrid
-    factor: int  # how many pixels a large one is wide
-
-    @classmethod
-    def of(
-        cls,
-        rig: Rig,
-        images: Sequence[NDArray],
-        masks: Sequence[NDArray[np.bool_]],
-        grid: VoxelGrid,
-        factor: int,
-    ) -> Self:
-        """Return what becomes of images ``(height, width)`` and the rest, see `coarsening`."""
-        pairs = [_shrunk(i, m, factor) for i, m in zip(images, masks, strict=True)]
-        return cls(
-            replace(rig, cameras=tuple(camera.shrunk(factor) for camera in rig)),
-            tuple(image for image, _ in pairs),
-            tuple(mask for _, mask in pairs),
-            coarser_grid(grid, factor),
-            factor,
-        )
-
-
-def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int = COARSEST) -> int:
+def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int) -> int:
     """Return by how much to enlarge voxels and pixels for about ``segments`` segments.
 
     At least ``coarsest`` voxels stay along the grid's longest edge, and pixels along an image's
@@ -78,15 +43,20 @@ def coarser_grid(grid: VoxelGrid, factor: int) -> VoxelGrid:
     return VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
 
 
+def coarser_images(
+    images: Sequence[NDArray], masks: Sequence[NDArray[np.bool_]], factor: int
+) -> tuple[Images, Masks]:
+    """Return area means of usable pixels, ``(rows, columns)`` each, and where there are any."""
+    pairs = [_shrunk(image, mask, factor) for image, mask in zip(images, masks, strict=True)]
+    return [image for image, _ in pairs], [mask for _, mask in pairs]
+
+
 def _shrunk(
     image: NDArray, mask: NDArray, factor: int
 ) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
     """Return area means of the usable pixels, and where there are any."""
-    rows, columns = (side // factor for side in image.shape)
-    whole = (slice(rows * factor), slice(columns * factor))
-    blocks = (rows, factor, columns, factor)
-    usable = mask[whole].reshape(blocks)
-    values = np.where(mask, image, 0)[whole].reshape(blocks)
+    usable = blocks_of_pixels(mask, factor)
+    values = blocks_of_pixels(np.where(mask, image, 0), factor)
     count = usable.sum(axis=(1, 3))
     means = values.sum(axis=(1, 3), dtype=np.float64) / np.maximum(count, 1)
     return means.astype(np.float32), count > 0

@@ -197,7 +197,7 @@ class ScanImages:
         return _means(image, self.shrink), _all(usable, self.shrink), saturated, dead, bits
 
 
-def _blocks(image: NDArray, factor: int) -> NDArray:
+def blocks_of_pixels(image: NDArray, factor: int) -> NDArray:
     """Return a view ``(rows, factor, columns, factor)`` of the whole blocks of an image."""
     rows, columns = (side // factor for side in image.shape)
     whole = image[: rows * factor, : columns * factor]
@@ -208,9 +208,9 @@ def _means(image: NDArray[np.float32], factor: int) -> NDArray[np.float32]:
     """Return the means of an image over blocks of ``factor`` x ``factor`` pixels."""
     if factor == 1:
         return image
-    return _blocks(image, factor).mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
+    return blocks_of_pixels(image, factor).mean(axis=(1, 3), dtype=np.float64).astype(np.float32)
 
 
 def _all(usable: NDArray[np.bool_], factor: int) -> NDArray[np.bool_]:
     """Return the blocks of ``factor`` x ``factor`` pixels that are usable throughout."""
-    return usable if factor == 1 else np.asarray(_blocks(usable, factor).all(axis=(1, 3)))
+    return usable if factor == 1 else np.asarray(blocks_of_pixels(usable, factor).all(axis=(1, 3)))

@@ -154,7 +154,7 @@ def test_it_says_how_small_a_fault_images_would_tell(run_tool, rig_file):
         (("none.yaml",), "none.yaml: no such rig file"),
         (("bare.yaml",), "--grid and --spacing: expected both"),
         (("bare.yaml",), "the cameras' axes meet at --center 0,0,0"),
-        (("rig.yaml", "--pixel-accuracy", "0"), "--pixel-accuracy: found 0"),
+        (("rig.yaml", "--pixel-accuracy", "0"), "--pixel-accuracy: found '0'"),
         (("rig.yaml", "--noise", "2"), "--noise: found 2, expected a fraction between 0 and 1"),
         (("rig.yaml", "-o", "x.eps"), "expected one of .png"),
         (("rig.yaml", "--images", "nowhere", "-o", "out.html"), "nowhere: no such folder"),

@@ -11,7 +11,6 @@ import tomo
 from rigs.progress import WHOLE, stage_of
 from tomo.pipeline.options import Options
 from tomo.pipeline.reconstruct import preview
-from tomo.scan.downsample import Coarser
 
 GRID = tomo.VoxelGrid((20, 40, 20), 0.7)
 
@@ -138,7 +137,7 @@ def test_a_preview_that_fails_is_a_warning(scan, monkeypatch, quick_choice):
     def fail(*_):
         raise RuntimeError("too coarse")
 
-    monkeypatch.setattr(Coarser, "of", fail)
+    monkeypatch.setattr(sys.modules["tomo.pipeline.reconstruct"], "coarser_images", fail)
     steps = []
     found = tomo.reconstruct(scan, uncertainty=0, early=lambda step, outcome: steps.append(step))
     assert steps == ["volume", "images"]

@@ -7,7 +7,7 @@ import pytest
 
 from rigs import Rig, ring
 from tomo import LinearSystem, VoxelGrid
-from tomo.scan.downsample import coarsening
+from tomo.pipeline.coarse import factor_of
 
 GRID = VoxelGrid((48, 96, 48), 1.0)
 TIGHT = ring(6, 30.0, 1000.0, image_size=(160, 160), footprint=0.625)
@@ -24,13 +24,13 @@ def _with_margin(camera, pixels):
 @pytest.mark.parametrize("margin", [40, 400])
 def test_pixels_that_see_nothing_of_the_grid_do_not_count(margin):
     wide = Rig(tuple(_with_margin(camera, margin) for camera in TIGHT))
-    assert coarsening(wide, GRID, SEGMENTS) == coarsening(TIGHT, GRID, SEGMENTS) > 1
+    assert factor_of(wide, GRID, SEGMENTS) == factor_of(TIGHT, GRID, SEGMENTS) > 1
 
 
 @pytest.mark.parametrize("margin", [0, 400])
 def test_segments_are_about_as_many_as_asked(margin):
     wide = Rig(tuple(_with_margin(camera, margin) for camera in TIGHT))
-    factor = coarsening(wide, GRID, SEGMENTS)
+    factor = factor_of(wide, GRID, SEGMENTS)
     smaller = np.diag([1 / factor, 1 / factor, 1])
     size = tuple(n // factor for n in wide[0].image_size)
     coarse = [

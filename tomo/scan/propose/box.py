@@ -18,8 +18,11 @@ from tomo.hull.carving import Carving, carve
 from tomo.hull.darkness import Brightness
 from tomo.measurement import estimate_noise
 from tomo.measurement.pixel_check import background
-from tomo.scan.downsample import COARSEST
 from tomo.scan.scan import Scan
+
+COARSEST = 24
+"""Voxels along each edge of the box in which light is looked for. Fewer: the box is wider than the
+light by a voxel of them; more take longer."""
 
 
 @dataclass(frozen=True, eq=False)
