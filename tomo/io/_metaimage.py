@@ -15,9 +15,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import decompressed
-from tomo.io._axes import content_beside, in_order, numbers_in
+from tomo.io._axes import HEADER, content_beside, in_order, numbers_in
 
-_HEADER = 1 << 16  # bytes of a header, at most; it has some thirty short lines
 _TYPES = {
     "MET_CHAR": "i1", "MET_UCHAR": "u1", "MET_SHORT": "i2", "MET_USHORT": "u2", "MET_INT": "i4",
     "MET_UINT": "u4", "MET_LONG": "i4", "MET_ULONG": "u4", "MET_LONG_LONG": "i8",
@@ -69,7 +68,7 @@ def _fields(content: bytes) -> tuple[dict[str, str], int]:
     fields: dict[str, str] = {}
     start = 0
     while _LAST.decode() not in fields:
-        end = content.find(b"\n", start, _HEADER)
+        end = content.find(b"\n", start, HEADER)
         if end < 0:
             raise ValueError(f"{_LAST.decode()}: missing, expected the header of a MetaImage")
         line = content[start:end].decode("latin-1")

@@ -21,7 +21,6 @@ from tomo.io._axes import in_order
 
 _HEADER = 348  # bytes of a header
 _FAR = 1 << 20  # bytes before the values, at most: extensions of the header
-_DOUBTFUL = 30  # nibabel's level of what it would mend by a guess, as a voxel of size zero
 _UNITS = {"meter": "m", "mm": "mm", "micron": "um", "unknown": "mm"}
 
 
@@ -70,7 +69,7 @@ def _check(content: bytes | bytearray, stored: int) -> None:
 def _strict(nibabel: ModuleType) -> Iterator[None]:
     """Have nibabel raise where it would mend a header by a guess, and print nothing."""
     messages, quiet = nibabel.imageglobals, logging.NullHandler()
-    with messages.ErrorLevel(_DOUBTFUL), messages.LoggingOutputSuppressor():
+    with messages.ErrorLevel(logging.WARNING), messages.LoggingOutputSuppressor():
         messages.logger.addHandler(quiet)  # without any, Python's own prints
         try:
             yield

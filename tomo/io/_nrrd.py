@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, decompressed, errors_of_libraries, largest_claim
 from tomo.grid import VoxelGrid
-from tomo.io._axes import content_beside, in_order
+from tomo.io._axes import HEADER, content_beside, in_order
 
 _AGREE = 1e-3  # of a length that stands twice: files hold some four digits
 _CELL, _UNKNOWN = "cell", ("???", "none", "")
@@ -103,8 +103,6 @@ def _unit(header: dict[str, Any]) -> str:
     return str(units[0]) or "mm"
 
 
-_HEADER = 1 << 16  # bytes of a header; a longer one takes pynrrd seconds
-_WIDEST = 8  # bytes of the widest number that NRRD has
 _METHODS = {"gzip": "zlib", "gz": "zlib", "bzip2": "bzip2", "bz2": "bzip2"}
 
 
@@ -141,7 +139,7 @@ def read(path: Path) -> tuple[NDArray, NDArray, NDArray, str, str]:
     content = path.read_bytes()
     if not content:
         raise ValueError("the file is empty")
-    file = io.BytesIO(content[:_HEADER])
+    file = io.BytesIO(content[:HEADER])
     with np.errstate(invalid="ignore"):  # whole numbers too large are refused below
         header = nrrd.read_header(file)
     name = header.pop("data file", header.pop("datafile", None))
@@ -180,7 +178,7 @@ def _values(header: dict, content: bytes | bytearray, count: int) -> NDArray:
     content = content.split(b"\n", lines)[-1]
     method = _METHODS.get(header["encoding"])
     if method:
-        most = min(_WIDEST * count + max(skip, 0), largest_claim(len(content)))
+        most = min(np.float64().itemsize * count + max(skip, 0), largest_claim(len(content)))
         content = decompressed(content, most, method)
         header["encoding"] = "raw"
     found = f"{len(content)} bytes of type {header['type']}, encoding {header['encoding']}"

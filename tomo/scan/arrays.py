@@ -13,7 +13,7 @@ from rigs import Rig
 from tomo.grid import VoxelGrid
 from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.scan.corrections import Corrections
-from tomo.scan.image_source import Frame
+from tomo.scan.films import Frame
 from tomo.scan.write import check_cameras
 
 if TYPE_CHECKING:

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from os import PathLike
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
-from rigs import Rig
+from rigs import Rig, load_rig
+from rigs.files.size_guard import path_inside
 from rigs.files.text import read_yaml_mapping
+from rigs.recordings import RawLayout, split_member
 from tomo.grid import VoxelGrid, grid_of_rig
-from tomo.scan._schema import SCAN_FORMAT
-from tomo.scan.image_folder import scan_of_images
-from tomo.scan.image_source import Frame
+from tomo.scan._schema import SCAN_FORMAT, parse_scan_file
+from tomo.scan.corrections import Corrections
+from tomo.scan.films import Film, Frame, frame_rate_of, frames_of_films, notes_of_films
+from tomo.scan.image_folder import frames_in, scan_of_images
+from tomo.scan.image_source import MeanImage
+from tomo.scan.radiometry import Calibration, Radiometry
 from tomo.scan.scan import Scan
-from tomo.scan.scan_yaml import inside_scan, load_scan_yaml
-from tomo.scan.write import SCAN_FILE
+from tomo.scan.write import SCAN_FILE, check_cameras
 
 if TYPE_CHECKING:
     from os import PathLike
+
+_COLOURS = ("corrections.bayer", "corrections.channel")
 
 
 def load_scan(path: str | PathLike, images: str | PathLike | None = None) -> Scan:
@@ -53,7 +60,7 @@ def load_scan(path: str | PathLike, images: str | PathLike | None = None) -> Sca
             f"{path}: images: found {images}, expected none, as a scan.yaml names its images"
         )
     if path.suffix.lower() in (".yaml", ".yml"):
-        return load_scan_yaml(path)
+        return _load_scan_yaml(path)
     raise ValueError(
         f"{path}: scan: found suffix {path.suffix!r}, expected a folder, .yaml or .json"
     )
@@ -67,6 +74,138 @@ def is_scan_file(path: Path) -> bool:
         return read_yaml_mapping(path).get("format") == SCAN_FORMAT
     except ValueError:  # whoever reads it as a rig says what is wrong
         return False
+
+
+def _load_scan_yaml(path: Path) -> Scan:
+    """Return the scan of a ``scan.yaml``; errors are a line that names file and field."""
+    content = parse_scan_file(path)
+    rig = load_rig(_inside(path, content.rig, "rig"))
+    films: dict[str, Film] = {}
+    if content.images is not None:
+        frames = _frames_named(path, content.images, rig)
+    elif content.films is not None:
+        films = _films_of(path, content.films, rig)
+        frames = frames_of_films(films)
+    else:
+        frames = tuple(_frame(path, one, rig) for one in content.frames or ())
+    corrections = _corrections(path, content.corrections.model_dump(), rig)
+    grid = grid_of_rig(rig)
+    if content.grid is not None:
+        with _naming(path):
+            grid = VoxelGrid(tuple(content.grid.shape), content.grid.spacing, content.grid.center)
+    truth = None if content.truth is None else _inside(path, content.truth, "truth")
+    effects = None if content.effects is None else content.effects.model_dump()
+    if effects is not None:
+        check_cameras(path, "effects.gains", effects["gains"], rig)
+    return Scan(
+        rig,
+        frames,
+        corrections,
+        grid,
+        truth,
+        source=path,
+        effects=effects,
+        frame_rate=content.frame_rate or (frame_rate_of(films) if films else None),
+        notes=notes_of_films(films) if films else (),
+        radiometry=_radiometry(path, content.radiometry, rig),
+        peak=content.peak,
+    )
+
+
+@contextmanager
+def _naming(path: Path, field: str = "") -> Iterator[None]:
+    """Have an error begin with the file, and with the beginning of the field's name."""
+    try:
+        yield
+    except ValueError as error:
+        raise ValueError(f"{path}: {field}{error}") from None
+
+
+def _frame(path: Path, entry: Any, rig: Rig) -> Frame:
+    where = f"frame {entry.name!r}"
+    check_cameras(path, where, entry.images, rig)
+    images = {c: _inside(path, text, f"{where}: camera {c}") for c, text in entry.images.items()}
+    return Frame(entry.name, images)
+
+
+def _frames_named(path: Path, pattern: str, rig: Rig) -> tuple[Frame, ...]:
+    """Return the frames of the images that a pattern names, all inside the scan's folder."""
+    try:
+        frames = frames_in(path.parent, rig, pattern)
+    except ValueError as error:
+        said = str(error).removeprefix(f"{path.parent}: ").removeprefix("pattern: ")
+        raise ValueError(f"{path}: images: {said}") from None
+    for frame in frames:
+        _check_inside(path, frame.images.values(), f"frame {frame.name!r}")
+    return frames
+
+
+def _corrections(path: Path, content: dict[str, Any], rig: Rig) -> Corrections:
+    """Return the corrections, those images that folders stand for inside the scan's folder too."""
+    given = _each(path, content, "corrections", rig)
+    with _naming(path):
+        found = Corrections(**given).by_camera(rig.names)
+    for name, value in vars(found).items():
+        each = value.values() if isinstance(value, Mapping) else (value,)
+        _check_inside(path, each, f"corrections.{name}")
+    return found
+
+
+def _check_inside(path: Path, images: Iterable[Any], field: str) -> None:
+    """Refuse image files that leave the scan's folder by a link."""
+    for image in images:
+        if isinstance(image, MeanImage):
+            _check_inside(path, image.images, field)
+        elif isinstance(image, Path):
+            _inside(path, str(image.relative_to(path.parent)), field)
+
+
+def _each(path: Path, content: dict[str, Any], field: str, rig: Rig) -> dict[str, Any]:
+    """Return values that are one for all cameras, or one for each, with paths in place of text."""
+
+    def plain(value: Any, where: str) -> Any:
+        is_path = isinstance(value, str) and where.split(":")[0] not in _COLOURS
+        return _inside(path, value, where) if is_path else value
+
+    found = {}
+    for name, value in content.items():
+        where = f"{field}.{name}"
+        if isinstance(value, dict):
+            check_cameras(path, where, value, rig)
+            found[name] = {c: plain(one, f"{where}: camera {c}") for c, one in value.items()}
+        else:
+            found[name] = plain(value, where)
+    return found
+
+
+def _radiometry(path: Path, content: Any, rig: Rig) -> Radiometry | None:
+    """Return what a scan.yaml says of absolute light; units that do not fit are refused."""
+    if content is None:
+        return None
+    given = content.model_dump()
+    units = {name: given.pop(name) for name in ("unit", "volume_unit")}
+    known = _each(path, given.pop("calibration"), "radiometry.calibration", rig)
+    rest = _each(path, given, "radiometry", rig)
+    with _naming(path, "radiometry."):
+        return Radiometry(**units, **rest, calibration=Calibration(**known))
+
+
+def _films_of(path: Path, entries: dict[str, Any], rig: Rig) -> dict[str, Film]:
+    """Return the films that a scan.yaml names, by camera."""
+    check_cameras(path, "films", entries, rig)
+    films = {}
+    for camera, entry in entries.items():
+        file = _inside(path, entry.path, f"films: camera {camera}")
+        if not split_member(file)[0].exists():
+            raise FileNotFoundError(f"{file}: camera {camera}: no such film")
+        raw = None if entry.raw is None else RawLayout(**entry.raw.model_dump())
+        films[camera] = Film(file, entry.first, entry.step, entry.offset, raw)
+    return films
+
+
+def _inside(scan_file: Path, text: str, field: str) -> Path:
+    """Return the path that a file names, refusing any that leaves the file's folder."""
+    return path_inside(text, scan_file.parent, f"{scan_file}: {field}", "scan")
 
 
 def _load_transforms(path: Path, folder: Path | None) -> Scan:
@@ -83,7 +222,11 @@ def _load_transforms(path: Path, folder: Path | None) -> Scan:
             field = f"frame {name!r}: camera {camera}: file_path"
             text = image.relative_to(path.parent) if image.is_relative_to(path.parent) else image
             if folder is None:
-                found[camera] = _image_inside(path, str(text), field)
+                try:
+                    found[camera] = _inside(path, str(text), field)
+                except ValueError as error:
+                    more = "or images='FOLDER' that has files of that name"
+                    raise ValueError(f"{error}, {more}") from None
             else:
                 file = found[camera] = _image_in(folder, PurePosixPath(text), field)
                 if file in used:
@@ -93,14 +236,6 @@ def _load_transforms(path: Path, folder: Path | None) -> Scan:
         frames.append(Frame(name, found))
     origin = {} if folder is None else {"images": str(folder.absolute())}
     return Scan(rig, tuple(frames), grid=grid_of_rig(rig), source=path, origin=origin)
-
-
-def _image_inside(path: Path, text: str, field: str) -> Path:
-    """Return the image that a ``transforms.json`` names in its folder."""
-    try:
-        return inside_scan(path, text, field)
-    except ValueError as error:
-        raise ValueError(f"{error}, or images='FOLDER' that has files of that name") from None
 
 
 def _image_in(folder: Path, image: PurePosixPath, field: str) -> Path:

@@ -6,7 +6,6 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,11 +50,6 @@ class Film:
         """Whether the pixels are integers, which reading scales to 0..1."""
         return self.recording.bit_depth is not None
 
-    def place_of(self, number: int) -> int | None:
-        """Return the film's frame for a scan's frame number; None where it has none."""
-        place = self.first + number * self.step - self.offset
-        return place if 0 <= place < self.n_frames else None
-
     @property
     def numbers(self) -> range:
         """The scan's frame numbers from 0 on that the film has."""
@@ -82,6 +76,17 @@ class FilmFrame:
         return self.film.recording.read_channel(self.place, channel)
 
 
+ImageSource = Path | NDArray | FilmFrame
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One moment: images by camera, in a file, in a film, or in memory ``(h, w)``."""
+
+    name: str
+    images: Mapping[str, ImageSource]
+
+
 def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:
     """Return the films named as the cameras in a folder; empty unless every camera has one.
 
@@ -102,8 +107,8 @@ def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:
     return found if len(found) == len(cameras) else {}
 
 
-def frames_of_films(films: Mapping[str, Film]) -> dict[str, dict[str, FilmFrame]]:
-    """Return the images of every frame, by its number as text and by camera.
+def frames_of_films(films: Mapping[str, Film]) -> tuple[Frame, ...]:
+    """Return every frame, called by its number.
 
     A frame that only some films have lacks the other cameras; reading it names the first of them.
     """
@@ -117,14 +122,17 @@ def frames_of_films(films: Mapping[str, Film]) -> dict[str, dict[str, FilmFrame]
             "that is in all films: check first, step and offset"
         )
     stop = max(one.stop for one in ranges.values())
-    return {
-        str(number): {
-            camera: FilmFrame(film, cast("int", film.place_of(number)))
-            for camera, film in films.items()
-            if number in ranges[camera]
-        }
+    return tuple(
+        Frame(
+            str(number),
+            {
+                camera: FilmFrame(film, film.first + number * film.step - film.offset)
+                for camera, film in films.items()
+                if number in ranges[camera]
+            },
+        )
         for number in range(stop)
-    }
+    )
 
 
 def notes_of_films(films: Mapping[str, Film]) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,8 +12,7 @@ from rigs.recordings import IMAGE_SUFFIXES, find_images
 from rigs.recordings.layout import how_to_name, natural
 from tomo.grid import grid_of_rig
 from tomo.scan.corrections import recorded
-from tomo.scan.films import films_in, frame_rate_of, frames_of_films, notes_of_films
-from tomo.scan.image_source import Frame
+from tomo.scan.films import Frame, films_in, frame_rate_of, frames_of_films, notes_of_films
 from tomo.scan.scan import Scan
 
 if TYPE_CHECKING:
@@ -61,12 +60,9 @@ def scan_of_images(
     folder = Path(images)
     films = films_in(folder, rig.names) if pattern is None else {}
     if films:
-        settings.setdefault("grid", grid_of_rig(rig))
         settings |= {"frame_rate": frame_rate_of(films), "notes": notes_of_films(films)}
-        moments = frames_of_films(films).items()
-        return Scan(rig, tuple(Frame(*one) for one in moments), source=folder, **settings)
-    settings.setdefault("grid", grid_of_rig(rig))
-    return Scan(rig, frames_in(folder, rig, pattern), source=folder, **settings)
+    frames = frames_of_films(films) if films else frames_in(folder, rig, pattern)
+    return Scan(rig, frames, source=folder, **{"grid": grid_of_rig(rig), **settings})
 
 
 def frames_in(folder: Path, rig: Rig, pattern: str | None) -> tuple[Frame, ...]:
@@ -75,9 +71,14 @@ def frames_in(folder: Path, rig: Rig, pattern: str | None) -> tuple[Frame, ...]:
     for camera in rig.names:
         if camera not in found:
             raise _no_images(folder, camera, rig.names, pattern)
+    return frames_of_images({camera: found[camera] for camera in rig.names})
+
+
+def frames_of_images(found: Mapping[str, Mapping[str, Path]]) -> tuple[Frame, ...]:
+    """Return the frames of images by camera and by frame, in natural order of their names."""
     frames: dict[str, dict[str, Path]] = {}
-    for camera in rig.names:
-        for frame, path in found[camera].items():
+    for camera, own in found.items():
+        for frame, path in own.items():
             frames.setdefault(frame, {})[camera] = path
     return tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
 

@@ -15,9 +15,7 @@ from numpy.typing import NDArray
 
 from rigs.recordings import find_images
 from rigs.recordings.layout import images_in
-from tomo.scan.films import FilmFrame, films_in
-
-ImageSource = Path | NDArray | FilmFrame
+from tomo.scan.films import FilmFrame, Frame, ImageSource, films_in
 
 
 def read_intensities(
@@ -83,14 +81,6 @@ def holds_integers(image: ImageSource) -> bool:
     if isinstance(image, FilmFrame):
         return image.film.holds_integers
     return is_integer_image(image) if isinstance(image, Path) else image.dtype.kind in "biu"
-
-
-@dataclass(frozen=True)
-class Frame:
-    """One moment: images by camera, in a file, in a film, or in memory ``(h, w)``."""
-
-    name: str
-    images: Mapping[str, ImageSource]
 
 
 def find_frame(frames: Sequence[Frame], name: str) -> Frame | None:

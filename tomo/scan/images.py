@@ -15,7 +15,8 @@ from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
 from tomo.measurement import DeadLines, StoredBits
 from tomo.scan.corrections import Corrections
-from tomo.scan.image_source import Frame, find_frame, holds_integers
+from tomo.scan.films import Frame
+from tomo.scan.image_source import find_frame, holds_integers
 from tomo.scan.radiometry import Radiometry
 
 if TYPE_CHECKING:

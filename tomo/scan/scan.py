@@ -16,8 +16,7 @@ from tomo.grid import VoxelGrid
 from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.arrays import as_data_array, corrections_with, frames_of, truth_on
 from tomo.scan.corrections import Corrections, recorded
-from tomo.scan.films import FilmFrame
-from tomo.scan.image_source import Frame
+from tomo.scan.films import FilmFrame, Frame
 from tomo.scan.images import ScanImages
 from tomo.scan.radiometry import Radiometry
 from tomo.scan.write import check_cameras, save_scan

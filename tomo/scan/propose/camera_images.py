@@ -13,8 +13,8 @@ from rigs.files.size_guard import path_inside
 from rigs.recordings import find_images, image_size, is_film
 from rigs.recordings.layout import natural
 from rigs.recordings.naming import Named, patterns_of
-from tomo.scan.films import Film, FilmFrame, frames_of_films
-from tomo.scan.image_source import Frame
+from tomo.scan.films import Film, FilmFrame, Frame, frames_of_films
+from tomo.scan.image_folder import frames_of_images
 from tomo.scan.propose.contents import Contents, UndecidedError
 
 _USUAL = "images/"
@@ -62,15 +62,10 @@ def images_of(
     others = tuple(one for one in whole if one != chosen)
     films = _films(folder, chosen, whole[chosen])
     if films:
-        moments = frames_of_films(films).items()
-        return CameraImages(chosen, tuple(Frame(*one) for one in moments), films, False, others)
-    frames: dict[str, dict[str, Path | FilmFrame]] = {}
-    for camera in names:
-        for frame, path in whole[chosen][camera].items():
-            frames.setdefault(frame, {})[camera] = folder / path
+        return CameraImages(chosen, frames_of_films(films), films, False, others)
+    files = {n: {f: folder / path for f, path in whole[chosen][n].items()} for n in names}
     is_enough = _named(folder, names, chosen) == whole[chosen]
-    ordered = tuple(Frame(name, frames[name]) for name in sorted(frames, key=natural))
-    return CameraImages(chosen, ordered, {}, is_enough, others)
+    return CameraImages(chosen, frames_of_images(files), {}, is_enough, others)
 
 
 def renamed_as_images(contents: Contents, rig: Rig) -> dict[str, str]:
