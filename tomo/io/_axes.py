@@ -9,9 +9,7 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import path_inside
 
-HEADER = (
-    1 << 16
-)  # bytes of a text header, at most: some thirty short lines; more take pynrrd seconds
+HEADER = 1 << 16  # bytes of a text header, at most; longer ones take pynrrd seconds
 _ASKEW = 1e-6  # of a step, off its world axis; more is 0.001 voxels over 1000, less is rounding
 
 

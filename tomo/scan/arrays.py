@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -14,6 +14,7 @@ from tomo.grid import VoxelGrid
 from tomo.io.xarray_volumes import xarray_or_pip_line
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import Frame
+from tomo.scan.images import Images, Masks
 from tomo.scan.write import check_cameras
 
 if TYPE_CHECKING:
@@ -55,10 +56,15 @@ def truth_on(grid: VoxelGrid | None, truth: ArrayLike) -> NDArray[np.float32]:
     return truth
 
 
-def as_data_array(
-    rig: Rig, images: Sequence[NDArray], masks: Sequence[NDArray[np.bool_]], frame: str
-) -> DataArray:
+def as_data_array(where: str, rig: Rig, frame: str, images: Images, masks: Masks) -> DataArray:
     """Return images of equal size as ``(camera, row, column)``; NaN is not usable."""
+    sizes = {camera.image_size for camera in rig}
+    if len(sizes) > 1:
+        found = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
+        raise ValueError(
+            f"{where}images: found sizes {found}, expected one for an array of all: take some "
+            "cameras by only(...)"
+        )
     values = np.where(np.array(masks), np.array(images), np.float32(np.nan))
     coordinates = {"camera": list(rig.names)}
     dims = ("camera", "row", "column")

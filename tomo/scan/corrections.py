@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs import Rig
 from rigs.recordings.mosaic import COLOURS, Mosaic, is_channel
 from rigs.recordings.still import CHANNELS
 from tomo.measurement import DeadLines, find_dead_lines
@@ -92,6 +93,13 @@ class Corrections:
         return replace(
             self, **{name: images_by_camera(name, one, cameras) for name, one in images.items()}
         )
+
+    def settled(self, rig: Rig) -> tuple[Corrections, Rig]:
+        """Return the corrections with each camera's own images, and the cameras of one colour."""
+        found = self.by_camera(rig.names)
+        pairs = [(camera, found.mosaic(camera.name)) for camera in rig]
+        cameras = tuple(one if mosaic is None else mosaic.camera(one) for one, mosaic in pairs)
+        return found, replace(rig, cameras=cameras)
 
     @property
     def colours(self) -> dict[str, str | Mapping[str, str]]:

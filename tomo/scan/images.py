@@ -14,6 +14,7 @@ from tomo.grid import VoxelGrid
 from tomo.io import VolumeFilm, read_volume_with_unit
 from tomo.io.volume_film import SUFFIX
 from tomo.measurement import DeadLines, StoredBits
+from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.corrections import Corrections
 from tomo.scan.films import Frame
 from tomo.scan.image_source import find_frame, holds_integers
@@ -55,6 +56,13 @@ class ScanImages:
     def where(self) -> str:
         """What messages begin with: the file or folder of the scan, nothing in memory."""
         return "" if self.source is None else f"{self.source}: "
+
+    @property
+    def way(self) -> str:
+        """How corrections are given to the scan, one of `tomo.scan.advice.WAYS`."""
+        if self.source is None:
+            return PYTHON
+        return FILE if self.source.suffix.lower() in (".yaml", ".yml") else OPTIONS
 
     def frame(self, name: str | None = None) -> Frame:
         """Return a frame by name, or by the end of its name; the first one when None.

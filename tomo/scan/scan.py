@@ -13,7 +13,6 @@ from numpy.typing import ArrayLike, NDArray
 
 from tomo._compute.higher import higher
 from tomo.grid import VoxelGrid
-from tomo.scan.advice import FILE, OPTIONS, PYTHON
 from tomo.scan.arrays import as_data_array, corrections_with, frames_of, truth_on
 from tomo.scan.corrections import Corrections, recorded
 from tomo.scan.films import FilmFrame, Frame
@@ -39,8 +38,6 @@ class Scan(ScanImages):
         The cameras of the images that this scan gives back, shrunk where those are shrunk. Where
         corrections take one colour of mosaics, those of the sensors are given, without
         ``recorded_sizes``, and become those of the colour.
-    frames : tuple of Frame
-    corrections : Corrections
     grid : VoxelGrid, optional
         Where a volume is worth reconstructing.
     truth : Path or (nx, ny, nz) array, optional
@@ -90,7 +87,12 @@ class Scan(ScanImages):
         if self.recorded_sizes is None:
             sizes = {camera.name: tuple(camera.image_size) for camera in self.rig}
             object.__setattr__(self, "recorded_sizes", sizes)
-            self._settle_by_camera()
+            try:
+                corrections, rig = self.corrections.settled(self.rig)
+            except ValueError as error:
+                raise ValueError(f"{self.where}{error}") from None
+            object.__setattr__(self, "corrections", corrections)
+            object.__setattr__(self, "rig", rig)
         if not len(self.rig):
             raise ValueError(f"{self.where}cameras: found none, expected at least one")
         if not self.frames:
@@ -139,14 +141,11 @@ class Scan(ScanImages):
             Their images may be arrays too.
         truth : (nx, ny, nz) array, optional
             The true volume on ``grid``.
-        effects : mapping, optional
-            See `Scan`.
 
         Raises
         ------
         ValueError
-            If shapes do not fit cameras or grid, cameras differ in their frames, or masks
-            are given twice.
+            If shapes do not fit cameras or grid, or cameras differ in their frames.
         """
         frames = frames_of(rig, images)
         corrections = corrections_with(masks, corrections or Corrections(), rig)
@@ -158,14 +157,7 @@ class Scan(ScanImages):
 
         Raises ValueError if the cameras' images differ in size, or xarray is not installed.
         """
-        sizes = {camera.image_size for camera in self.rig}
-        if len(sizes) > 1:
-            found = ", ".join(f"{width} x {height}" for width, height in sorted(sizes))
-            raise ValueError(
-                f"{self.where}images: found sizes {found}, expected one for an array of all: "
-                "take some cameras by only(...)"
-            )
-        return as_data_array(self.rig, *self.read(frame), self.frame(frame).name)
+        return as_data_array(self.where, self.rig, self.frame(frame).name, *self.read(frame))
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: thumbnails of the first frame, and a table."""
@@ -300,21 +292,3 @@ class Scan(ScanImages):
         camera = camera.scaled(self.shrink)
         whole = camera if mosaic is None else mosaic.sensor(camera)
         return replace(whole, image_size=self.recorded_sizes[camera.name])
-
-    @property
-    def way(self) -> str:
-        """How corrections are given to the scan, one of `tomo.scan.advice.WAYS`."""
-        if self.source is None:
-            return PYTHON
-        return FILE if self.source.suffix.lower() in (".yaml", ".yml") else OPTIONS
-
-    def _settle_by_camera(self) -> None:
-        """Take the images that folders of corrections stand for, and the cameras of one colour."""
-        try:
-            corrections = self.corrections.by_camera(self.rig.names)
-            pairs = [(camera, corrections.mosaic(camera.name)) for camera in self.rig]
-            cameras = tuple(one if mosaic is None else mosaic.camera(one) for one, mosaic in pairs)
-        except ValueError as error:
-            raise ValueError(f"{self.where}{error}") from None
-        object.__setattr__(self, "corrections", corrections)
-        object.__setattr__(self, "rig", replace(self.rig, cameras=cameras))
