@@ -7,13 +7,7 @@ import sys
 
 
 def main(*verb: str) -> None:
-    """Run the command line, and end the process with its exit code.
-
-    Parameters
-    ----------
-    *verb : str
-        What stands before the arguments of the process, like ``simulate``.
-    """
+    """Run the command line of a verb, if one is named, and end the process with its exit code."""
     from tomo.cli.stopping import run
 
     def command() -> None:

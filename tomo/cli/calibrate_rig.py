@@ -216,10 +216,7 @@ def _scene(
 
 
 def _lenses(texts: Sequence[str], cameras: Sequence[str]) -> Rig | None:
-    """Return a rig that has a lens for each of ``cameras``, None where no rig is named.
-
-    ``texts`` are a rig, and pairs ``A=B``: camera A has the lens of the rig's camera B.
-    """
+    """Return a rig with a lens for each camera, of texts: a rig, and pairs, A's is its B's."""
     from rigs import Rig
 
     pairs = [text for text in texts if "=" in text and not Path(text).exists()]

@@ -92,11 +92,7 @@ def _one_line(error: Exception) -> str:
 
 
 def _with_options(message: str) -> str:
-    """Return a message with options in place of arguments of Python.
-
-    >>> _with_options("screen=False reconstructs all the same, and channel='g'")
-    '--no-screen reconstructs all the same, and --channel g'
-    """
+    """Return a message with options in place of arguments of Python: ``a=True`` is ``--a``."""
 
     def option(found: re.Match) -> str:
         name, value = found[1], found[2]

@@ -116,18 +116,10 @@ def command_line(
     epilog: str | None = None,
     first: Sequence[str] = (),
 ) -> typer.Typer:
-    r"""Return the command line of a function, which is a command of its own.
+    r"""Return the command line of a function: one as the module says, or with typer's annotations.
 
-    Parameters
-    ----------
-    function : callable
-        As the module says, or with typer's annotations.
-    name : str
-    help, epilog : str, optional
-        Texts above and below the options, after what the docstring says. Lines below a line
-        ``\b`` stay as they are.
-    first : sequence of str
-        The options that the help begins with, in their order.
+    ``help`` and ``epilog`` stand above and below the options, after what the docstring says, lines
+    below a line ``\b`` as they are. The help begins with the ``first`` options.
     """
     app = typer.Typer(add_completion=False, rich_markup_mode=None)
     parameters = inspect.signature(function, eval_str=True).parameters.values()

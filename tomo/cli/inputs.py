@@ -52,10 +52,7 @@ class Box:
         return (self.center, self.lower, self.upper) != (None, None, None)
 
     def voxels(self, default: VoxelGrid | None = None) -> VoxelGrid:
-        """Return the grid; what was not given is taken from ``default``.
-
-        Either ``lower`` and ``upper`` with a shape, or any of shape, spacing and center.
-        """
+        """Return the grid; what was not given is taken from ``default``."""
         from tomo import VoxelGrid
 
         if self.lower is not None or self.upper is not None:

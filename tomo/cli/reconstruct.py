@@ -259,10 +259,7 @@ def _of_used(views: dict) -> str:
 
 
 def _comparison(report: dict) -> list[str]:
-    """Return a table of the method and those that it was compared with, one line each.
-
-    Held-out figures are means over the cameras; the residual is that of the cameras used.
-    """
+    """Return a table of the methods; held-out figures are means, residuals of cameras used."""
     heads = ["method", "held-out psnr (dB)", "held-out ssim", "nrmse", "residual", "seconds"]
     rows = []
     for one in (report, *report["comparisons"]):
@@ -271,20 +268,13 @@ def _comparison(report: dict) -> list[str]:
         seconds = one["seconds"]["solve" if one is report else "total"]
         error = one["quality"].get("nrmse")
         rows.append([one["method"], *alike, error, one["relative_residual"], seconds])
-    shown = [
-        column for column in range(len(heads)) if any(row[column] is not None for row in rows)
-    ]
-    cells = [[heads[c] for c in shown]]
-    for row in rows:
-        cells.append([v if isinstance(v := row[c], str) else _number(v, "-") for c in shown])
-    widths = [max(len(row[n]) for row in cells) for n in range(len(shown))]
-    return [
-        "  ".join(
-            text.rjust(width) if n else text.ljust(width)
-            for n, (text, width) in enumerate(zip(row, widths, strict=True))
-        )
-        for row in cells
-    ]
+    columns: list[list[str]] = []
+    for head, *values in zip(heads, *rows, strict=True):
+        if any(value is not None for value in values):
+            texts = [v if isinstance(v, str) else _number(v, "-") for v in (head, *values)]
+            width = max(map(len, texts))
+            columns.append([one.rjust(width) if columns else one.ljust(width) for one in texts])
+    return list(map("  ".join, zip(*columns, strict=True)))
 
 
 def _mean(values: Iterable[float | None]) -> float | None:

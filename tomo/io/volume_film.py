@@ -34,10 +34,7 @@ def create_array(
     fill: float | None = None,
     **attributes: Any,
 ) -> zarr.Array:
-    """Make an array whose chunks end in the CRC-32C of their compressed bytes.
-
-    All are written: a chunk that is missing was never written, or was lost.
-    """
+    """Make an array whose chunks, all of them written, end in the CRC-32C of their bytes."""
     from zarr.codecs import Crc32cCodec, ZstdCodec
 
     return group.create_array(
@@ -78,10 +75,7 @@ def chunk_file(folder: Path, array: zarr.Array, *place: int) -> Path:
 
 @contextmanager
 def reading_chunk(file: Path, words: str, *, needed: bool = True) -> Iterator[None]:
-    """Turn what a library says of a damaged chunk into one line that names file and frame.
-
-    ``words`` say what it holds. A file that is not ``needed`` may be missing: never written.
-    """
+    """Turn what a library says of a damaged chunk, or one missing if ``needed``, into one line."""
     try:
         if file.is_file() and not file.stat().st_size:
             raise ValueError("the file is empty")

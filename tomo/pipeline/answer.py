@@ -105,10 +105,7 @@ def verdict_of(view: View) -> str:
 
 
 def worst_view(views: Sequence[View]) -> View | None:
-    """Return the view that is explained least; None where there is none with light.
-
-    The verdict comes first, then the residual beyond noise.
-    """
+    """Return the view explained least, by verdict, then residual beyond noise; None: all dark."""
     lit = [view for view in views if math.isfinite(view.beyond_noise)]
     return max(
         lit, key=lambda one: (VERDICTS.index(verdict_of(one)), one.beyond_noise), default=None

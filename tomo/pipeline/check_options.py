@@ -70,12 +70,10 @@ def methods_of(options: Options) -> list[Method]:
 
 
 def repeats_of(options: Options) -> int:
-    """Return how often the solve is repeated with new noise; ``auto``: a few for ``auto`` alone.
-
-    Choosing has cost ``auto`` more than that; another method may run for hours.
-    """
+    """Return how often the solve is repeated with new noise; by ``auto`` a few for auto alone."""
     method = method_named(options.method)
     if options.uncertainty == AUTO:
+        # choosing has cost auto more than that; another method may run for hours
         return AUTO_REPEATS if method.name == AUTO else 0
     if options.uncertainty and method.needs_midpoints:
         raise ValueError(

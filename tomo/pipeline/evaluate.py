@@ -184,10 +184,7 @@ def views_of(
     gains: Gains | None = None,
     in_sight: Masks | None = None,
 ) -> list[View]:
-    """Return each camera's image beside the image that the volume would have shown it.
-
-    ``gains`` are of images not corrected by them; ``in_sight`` see `pixels_in_sight`.
-    """
+    """Return each camera's image beside that of the volume, dimmed by ``gains`` not corrected."""
     projected = system.projector @ system.projector.active.compress(volume)
     seen = system.images(projected)
     if gains is not None:  # pixels that see no active voxel show the background alone

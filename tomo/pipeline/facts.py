@@ -45,11 +45,9 @@ def explained(report: Facts) -> Iterator[Facts]:
 
 
 def wrong(in_doubt: bool, report: Facts) -> Iterator[Facts]:
-    """Yield what images say is wrong: what leaves the volume in doubt, or what was corrected.
-
-    Nothing about a held-out camera leaves the volume in doubt.
-    """
+    """Yield what images say is wrong: what leaves the volume in doubt, or what was corrected."""
     found, apart = [Finding.of(one) for one in report.get("findings") or ()], _held_out(report)
+    # nothing about a held-out camera leaves the volume in doubt
     own = [one.leaves_doubt and one.camera not in apart for one in found]
     both = zip(found, own, strict=True)
     for said in together(one for one, doubted in both if doubted == in_doubt):
@@ -57,10 +55,7 @@ def wrong(in_doubt: bool, report: Facts) -> Iterator[Facts]:
 
 
 def missed(low: float, high: float, report: Facts) -> Iterator[Facts]:
-    """Yield what nothing explains of an image, where its ratio to the stated error is in bounds.
-
-    Not where no error is stated.
-    """
+    """Yield what nothing explains of an image, if its ratio to a stated error is in bounds."""
     error = stated_error(report)
     most = _part(report, "answer").get("beyond_noise") or 0.0
     if error and low * error < most <= high * error:
@@ -118,12 +113,10 @@ def barely_seen(report: Facts) -> Iterator[Facts]:
 
 
 def uncertain(low: float, high: float, report: Facts) -> Iterator[Facts]:
-    """Yield the error to expect of a voxel, where that is within bounds.
-
-    Where no interval is known, it is no less than what an image misses.
-    """
+    """Yield the error to expect of a voxel, where that is within bounds."""
     error, begin = expected_error(report), ""
     if error is None:
+        # no less than what an image misses
         error, begin = _part(report, "answer").get("beyond_noise") or 0.0, "at least "
     elif any(unmeasured(AS_LARGE, math.inf, report)):  # it misses what is a guess
         return
@@ -132,10 +125,7 @@ def uncertain(low: float, high: float, report: Facts) -> Iterator[Facts]:
 
 
 def expected_error(report: Facts) -> float | None:
-    """Return the error to expect, root mean square over that of the emission; None: unknown.
-
-    It is the 90 % interval's half-width over 1.645, as of a normal distribution.
-    """
+    """Return a voxel's relative error: half of the 90 % interval over 1.645; None: unknown."""
     half = _part(report, "uncertainty", "intervals", "voxels").get("relative")
     return None if half is None else half / NORMAL
 
@@ -148,10 +138,8 @@ def stated_error(report: Facts) -> float | None:
 
 
 def not_predicted(report: Facts, *, more_than_stated: bool) -> Iterator[Facts]:
-    """Yield the held-out camera that is predicted worst, if badly: by more than stated, or less.
-
-    Its gain and background are fitted: what is wrong with these is no fault of the volume.
-    """
+    """Yield the held-out camera predicted worst, if badly: by more than stated, or less."""
+    # gain and background are fitted: what is wrong with these is no fault of the volume
     found = {name: one["fitted"] for name, one in _held_out(report).items()}
     camera = max(found, key=found.__getitem__, default=None)
     if camera is not None and found[camera] > HARMFUL:

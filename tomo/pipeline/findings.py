@@ -32,10 +32,7 @@ MANY = 1e-3
 def findings_of(
     found: Inference, copy: CoarseCopy, corrections: Corrections, whole: Observation, shrink: int
 ) -> list[Finding]:
-    """Return what is said of each effect that was let loose unasked, the gravest first.
-
-    ``shrink`` is pixels as recorded along one of these images.
-    """
+    """Return what is said of effects let loose unasked, the gravest first, in recorded pixels."""
     said: list[Finding] = []
     for effect in found.effects:
         values = corrections.values[effect.name]

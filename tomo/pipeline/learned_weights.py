@@ -74,10 +74,7 @@ class LearnedWeights:
         volume: NDArray[np.float32],
         held_out_residual: Mapping[str, float],
     ) -> LearnedWeights:
-        """Return the means of ``weights`` relative to stored segment ``lengths`` with midpoints.
-
-        ``volume`` ``(nx, ny, nz)`` is the emission by which segments count.
-        """
+        """Return means over stored ``lengths`` with midpoints, by the light of a ``volume``."""
         rays = Rays.of(lengths, "optics", image_scale=weights.image_scale)
         rays = rays.with_upstream(weights.volume, weights.unit)
         of_ray, of_segment = rays.features.of_ray.numpy(), rays.features.of_segment.numpy()

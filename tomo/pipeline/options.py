@@ -277,11 +277,6 @@ class Options(Declared):
         What is wrong with pixels, cameras and gas is not looked for, and nothing is said of the
         uncertainty. A preview also has larger pixels and voxels, see `tomo.preview`.
 
-        Parameters
-        ----------
-        **asked
-            Others in their place, such as ``hold_out=("cam02",)``.
-
         Examples
         --------
         >>> Options.quick(frame="7").uncertainty

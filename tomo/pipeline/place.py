@@ -37,10 +37,7 @@ def check_device(device: str, methods: list[Method]) -> None:
 def at_device(
     system: LinearSystem, options: Options, methods: list[Method]
 ) -> tuple[LinearSystem, str]:
-    """Return the equations where the options want their products, and where that is.
-
-    Equations are on the CPU where a method goes through the matrix's entries.
-    """
+    """Return the equations where products are wanted, and where: the CPU if entries are needed."""
     if options.device == CPU:
         return system, ON_CPU
     if name := _through_entries(methods):
@@ -55,10 +52,7 @@ def at_device(
 def device_of_inference(
     rig: Rig, grid: VoxelGrid, options: Options, methods: list[Method]
 ) -> Device | None:
-    """Return the device that effects of cameras and gas are found on; None for the CPU.
-
-    It is that of the equations: ``auto`` goes by an estimate of their segments.
-    """
+    """Return the equations' device, by estimated segments, to find effects on; None: the CPU."""
     if options.device == CPU or _through_entries(methods):
         return None
     work = math.inf

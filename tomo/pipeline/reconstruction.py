@@ -172,11 +172,6 @@ class Reconstruction:
         ``half_width`` and ``standard_deviation`` are coordinates along x, y and z where they are
         known, so that they are cut as the volume is; ``.reset_coords()`` makes a Dataset of all.
         `tomo.VoxelGrid.from_xarray` gives the grid back.
-
-        Raises
-        ------
-        ValueError
-            If xarray is not installed.
         """
         known = {"half_width": self.half_width, "standard_deviation": self.standard_deviation}
         return data_array(

@@ -121,10 +121,7 @@ class Refinement:
 
 
 def priors_of(cameras: Sequence[str], observation: Observation) -> dict[str, float]:
-    """Return the standard deviation of each camera's pose that is asked for, in pixels.
-
-    What mounts do together with what the rig states of the camera.
-    """
+    """Return each asked pose's deviation in pixels: what mounts do, and what rigs state."""
     if not cameras:
         return {}
     stated = np.sqrt(np.square(stated_errors(observation.rig, observation.grid)).mean(axis=1))

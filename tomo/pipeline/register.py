@@ -37,11 +37,8 @@ KEEP_ALL = HullRule(math.inf, 1)
 
 
 def rule_of(found: Sequence[Carving], options: Options) -> HullRule:
-    """Return the rule that suits all key frames: the largest of their own margins and votes.
-
-    No voxel is empty where the views of any frame contradict each other, or all frames are dark.
-    """
-    telling = [one for one in found if not one.dark]
+    """Return the rule that suits all key frames: the largest of their own margins and votes."""
+    telling = [one for one in found if not one.dark]  # no votes: views contradict each other
     if options.carving == OFF or not telling or any(one.votes == 0 for one in telling):
         return KEEP_ALL
     return HullRule(max(one.margin for one in telling), max(one.votes for one in telling))
@@ -55,9 +52,9 @@ def hull_of_frames(
     noise: Sequence[NoiseModel],
     otherwise: ActiveVoxels | None = None,
 ) -> tuple[ActiveVoxels, list[NDArray[np.bool_]]]:
-    """Return the voxels that any of some frames may light, and the pixels that may see them.
+    """Return the voxels that frames may light and the pixels that may see them.
 
-    Without a rule all are kept. ``otherwise`` are the voxels where all frames are dark.
+    They are ``otherwise`` where all frames are dark.
     """
     active = pixels = None
     for frame in frames:

@@ -19,10 +19,7 @@ _REPORTED_PACKAGES = ("flametomo", "numpy", "scipy", "numba", "torch", "open3d",
 
 
 def report_of(outcome: Any) -> dict[str, Any]:
-    """Return the contents of ``report.json``: plain numbers, strings, lists and mappings.
-
-    ``outcome`` is a `tomo.Reconstruction`, whose method ``report`` calls this.
-    """
+    """Return ``report.json`` of a `tomo.Reconstruction`: plain numbers, words, lists, mappings."""
     found = outcome.solution
     compared: Sequence[Mapping[str, Any]] = outcome.compared or ({},) * len(outcome.comparisons)
     report = {

@@ -107,10 +107,7 @@ def solve_by(
     watch: Watch | None = None,
     begin: Callable[[str], Progress | None] = lambda where: None,
 ) -> Solution:
-    """Solve the equations by one method; the volume holds the voxels' means.
-
-    Options used are the seed, the time limit and those about learning.
-    """
+    """Solve the equations by one method; the volume holds the voxels' means."""
     started = time.perf_counter()
     limit = math.inf if options.time_limit is None else options.time_limit
     projector = built.system.projector
@@ -204,11 +201,9 @@ def with_learned_weights(system: LinearSystem, found: Solution) -> LinearSystem:
 def voxel_means_of(
     projector: ProjectionOperator, unknowns: NDArray[np.float32]
 ) -> NDArray[np.float32]:
-    """Return the mean emission in every voxel, ``(nx, ny, nz)``, zero where no ray crosses.
-
-    Smooth bases and penalties carry light into such voxels, which held-out cameras would see.
-    """
+    """Return the mean emission in every voxel, ``(nx, ny, nz)``, zero where no ray crosses."""
     active, shape = projector.active, projector.grid.shape
+    # smooth bases and penalties carry light there, which held-out cameras would see
     crossed = projector.column_sums > 0
     seen = np.where(crossed, host(unknowns), np.float32(0))
     means = projector.voxel_means(active.expand(seen).reshape(shape))
@@ -254,14 +249,11 @@ is in vain: noise is larger."""
 
 
 def with_own_absorption(solved: Solved, options: Options) -> Solved:
-    """Return the solution that is seen through gas of its own emission, where gas absorbs by it.
-
-    The first solve was through gas of a quick volume: repeated until images no longer change.
-    """
+    """Return the solution seen through gas of its own emission, where gas absorbs by it."""
     absorption = solved.built.absorption
     if not absorption.emission:
         return solved
-    for _ in range(OUTER):
+    for _ in range(OUTER):  # the first solve was through gas of a quick volume
         built, volume = solved.built, solved.solution.volume
         system = through_gas(built.system, absorption, volume, options)
         old, new = (one.on_voxel_means.projector for one in (built.system, system))

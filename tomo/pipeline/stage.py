@@ -47,10 +47,7 @@ def timed() -> Iterator[Stage]:
 
 @contextmanager
 def as_warning(step: str, warnings: list[str]) -> Iterator[None]:
-    """Let a step fail, whatever is raised: a line about it joins the warnings.
-
-    For steps after the solve, which only say something of the volume: it stands if they fail.
-    """
+    """Let a step after the solve, whose volume stands, fail: a line joins the warnings."""
     try:
         yield
     except Exception as error:  # hours may have gone into the volume

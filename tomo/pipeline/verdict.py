@@ -66,10 +66,7 @@ flame; higher: volumes 1.3 and 1.5 times as wrong as with exact cameras."""
 
 @dataclass(frozen=True)
 class Rule:
-    """One finding: when it applies, what it makes of the volume, and in which words.
-
-    Fields of the words are filled by ``find``; nothing is said where one is empty.
-    """
+    """One finding: when it applies, its level, and words that ``find`` fills, if there are any."""
 
     level: str
     find: Finder = field(repr=False)
@@ -78,13 +75,7 @@ class Rule:
 
 
 def judge(report: Facts) -> Verdict:
-    """Return how far the volume of a ``report.json`` can be trusted.
-
-    Examples
-    --------
-    >>> judge({"answer": {"verdict": "not known"}}).level
-    'red'
-    """
+    """Return how far the volume of a ``report.json`` can be trusted."""
     found = rules_that_apply(report)
     if not found:
         for_it = [(rule, values) for rule in FOR_IT for values in rule.find(report)]

@@ -228,10 +228,7 @@ def with_unit(figure: str, text: str) -> str:
 def peak_of(
     scan: Scan, frame: str, frames: Iterable[Images], masks: Masks, options: Options
 ) -> Peak:
-    """Return the peak: the option's, else the scan's, else the brightest usable pixel.
-
-    ``frames`` are images as the scan's corrections leave them, and ``frame`` says their unit.
-    """
+    """Return the option's peak, else the scan's, else the brightest usable pixel, corrected."""
     unit, stated = scan.image_unit(frame), options.peak or scan.peak
     if stated is not None:
         return Peak(stated, unit)

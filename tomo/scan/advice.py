@@ -27,16 +27,10 @@ WAYS: Mapping[str, Way] = {
 
 
 def correction_line(way: str, correction: str, values: Values) -> str:
-    """Return what gives one correction: a line of a scan.yaml, an option, or Python.
-
-    Fractions are rounded to three digits.
+    """Return what gives a correction, to three digits: a line of scan.yaml, an option, or Python.
 
     >>> correction_line("scan.yaml", "dark", {"cam03": 0.015712})
     'corrections: {dark: {cam03: 0.0157}}'
-    >>> correction_line("options", "bit_depth", {"cam03": 12})
-    '--bit-depth cam03=12'
-    >>> correction_line("python", "dark", 0.015712)
-    'scan.with_corrections(dark=0.0157)'
     """
     import yaml
 
@@ -59,11 +53,7 @@ def correction_line(way: str, correction: str, values: Values) -> str:
 
 
 def place_of(way: str, correction: str) -> str:
-    """Return where a correction is given.
-
-    >>> place_of("options", "bit_depth")
-    '--bit-depth'
-    """
+    """Return where a correction is given, such as ``--bit-depth``."""
     name = option_of(correction) if way == OPTIONS else correction
     return WAYS[way].place.format(name)
 

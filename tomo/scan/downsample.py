@@ -25,12 +25,10 @@ def coarsening(rig: Rig, grid: VoxelGrid, segments: int, coarsest: int) -> int:
 
 
 def _pixels_on(camera: CameraLike, grid: VoxelGrid) -> float:
-    """Return the pixels of the rectangle that a grid fills of an image.
-
-    All of a camera that does not see all of the grid's corners once, such as behind a mirror.
-    """
+    """Return the pixels of the rectangle that a grid fills of an image."""
     size = np.array(camera.image_size, float)
     uv, _, valid = camera.project(box_points(grid.lower, grid.upper, 2))
+    # all where it does not see all corners once, such as behind a mirror
     if not (camera.sees_once and np.all(valid)):
         return float(size.prod())
     low, high = (np.clip(end, -0.5, size - 0.5) for end in (uv.min(axis=0), uv.max(axis=0)))

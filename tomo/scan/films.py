@@ -88,10 +88,7 @@ class Frame:
 
 
 def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:
-    """Return the films named as the cameras in a folder; empty unless every camera has one.
-
-    A TIFF is a film where it has several pages of one size; a folder where it holds .im7 files.
-    """
+    """Return the films named as the cameras in a folder; empty unless every camera has one."""
     found = {}
     for camera in cameras:
         suffixes = (*TIFF_SUFFIXES, *FILM_SUFFIXES, *CONTAINER_SUFFIXES, "")
@@ -108,10 +105,7 @@ def films_in(folder: Path, cameras: tuple[str, ...]) -> dict[str, Film]:
 
 
 def frames_of_films(films: Mapping[str, Film]) -> tuple[Frame, ...]:
-    """Return every frame, called by its number.
-
-    A frame that only some films have lacks the other cameras; reading it names the first of them.
-    """
+    """Return every frame, called by its number; one that only some films have lacks cameras."""
     ranges = {camera: film.numbers for camera, film in films.items()}
     first = max(one.start for one in ranges.values())
     stop = min(one.stop for one in ranges.values())

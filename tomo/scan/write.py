@@ -82,32 +82,26 @@ def save_scan(
     for frame, images in frames.items():
         for camera, image in images.items():
             check_image(folder, frame, camera, np.shape(image), rig)
-    content: dict[str, Any] = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
-    if grid is not None:
-        content["grid"] = grid.to_mapping()
-    content["frames"] = [
-        {"name": frame, "images": {camera: f"images/{camera}/{frame}.tif" for camera in images}}
-        for frame, images in frames.items()
-    ]
-    images_of_corrections: dict[str, NDArray] = {}
-    if corrections is not None:
-        content["corrections"], images_of_corrections = plain_corrections(folder, corrections)
-    if radiometry is not None:
-        content["radiometry"], images = plain_corrections(folder, radiometry, "radiometry")
-        images_of_corrections |= images
-    if peak is not None:
-        content["peak"] = peak
-    if truth is not None:
-        content["truth"] = "truth.npz"
-    if effects is not None:
-        content["effects"] = {name: value for name, value in effects.items() if value is not None}
-
+    plain, images_of_corrections = plain_corrections(folder, corrections)
+    light, images_of_light = plain_corrections(folder, radiometry, "radiometry")
+    content = _content(
+        grid=None if grid is None else grid.to_mapping(),
+        frames=[
+            {"name": frame, "images": {name: f"images/{name}/{frame}.tif" for name in images}}
+            for frame, images in frames.items()
+        ],
+        corrections=plain,
+        radiometry=light,
+        peak=peak,
+        truth=None if truth is None else "truth.npz",
+        effects=_known(effects),
+    )
     with whole_folder(folder, last=(SCAN_FILE,)) as staging:
         save_rig(rig, staging / "rig.yaml")
         for frame, images in frames.items():
             for camera, image in images.items():
                 write_image(staging / "images" / camera / f"{frame}.tif", image)
-        for place, image in images_of_corrections.items():
+        for place, image in (images_of_corrections | images_of_light).items():
             write_image(staging / place, image)
         if truth is not None:
             unit = "" if radiometry is None else radiometry.value_unit
@@ -115,6 +109,18 @@ def save_scan(
         text = yaml.safe_dump(content, sort_keys=False, allow_unicode=True)
         (staging / SCAN_FILE).write_text(text, encoding="utf-8")
     return folder / SCAN_FILE
+
+
+def _content(**more: Any) -> dict[str, Any]:
+    """Return what a scan.yaml holds, without what is None."""
+    head = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
+    return head | (_known(more) or {})
+
+
+def _known(values: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    if values is None:
+        return None
+    return {name: value for name, value in values.items() if value is not None}
 
 
 def check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -> None:
@@ -132,8 +138,8 @@ def check_image(folder: Path, frame: str, camera: str, shape: tuple, rig: Rig) -
 
 
 def plain_corrections(
-    folder: Path, corrections: Corrections | Radiometry, name: str = "corrections"
-) -> tuple[dict[str, Any], dict[str, NDArray]]:
+    folder: Path, corrections: Corrections | Radiometry | None, name: str = "corrections"
+) -> tuple[dict[str, Any] | None, dict[str, NDArray]]:
     """Return corrections as a scan.yaml holds them, and the images to write, by their paths."""
     images: dict[str, NDArray] = {}
 
@@ -198,13 +204,14 @@ def writing_film(
 
     folder = Path(folder)
     check_length_unit(rig.length_unit)
-    content: dict[str, Any] = {"format": "emission-scan", "version": 1, "rig": "rig.yaml"}
-    content |= {"grid": grid.to_mapping(), "frame_rate": frame_rate, "truth": TRUTH}
-    content["films"] = {name: f"films/{name}.tif" for name in rig.names}
-    if corrections is not None:
-        content["corrections"], _ = plain_corrections(folder, corrections)
-    if effects is not None:
-        content["effects"] = {name: value for name, value in effects.items() if value is not None}
+    content = _content(
+        grid=grid.to_mapping(),
+        frame_rate=frame_rate,
+        truth=TRUTH,
+        films={name: f"films/{name}.tif" for name in rig.names},
+        corrections=plain_corrections(folder, corrections)[0],
+        effects=_known(effects),
+    )
     old = folder / TRUTH / "emission" / "c"
     stale = [str(path.relative_to(folder)) for path in old.rglob("*") if path.is_file()]
     with whole_folder(folder, last=(SCAN_FILE,), others=stale) as staging, ExitStack() as files:

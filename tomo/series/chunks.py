@@ -39,10 +39,7 @@ class Chunks:
             return np.asarray(array[places.start : places.stop])
 
     def values(self, name: str, written: NDArray[np.bool_] | None = None) -> NDArray:
-        """Return the numbers of an array.
-
-        ``written`` says of which places they must have been written, all when None.
-        """
+        """Return the numbers of an array; those of places ``written``, or all, must be there."""
         array = self.arrays[name]
         step, count = array.chunks[0], array.shape[0]
         parts = [range(start, min(start + step, count)) for start in range(0, count, step)]

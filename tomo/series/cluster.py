@@ -186,10 +186,7 @@ def _run(
 
 
 def _hand_out(client: Client, held: HeldPlan, name: str, store: SeriesStore) -> None:
-    """Give the plan to every worker, as often as one is lost meanwhile.
-
-    The scheduler gives it to workers that come later as they start.
-    """
+    """Give the plan to every worker, as often as one is lost meanwhile; later ones get it too."""
     while True:
         try:
             client.register_plugin(held, name)

@@ -69,11 +69,7 @@ def _of_slice(match: re.Match, part: str, count: int) -> range:
 
 
 def blocks_of(count: int) -> list[range]:
-    """Return the blocks of so many frames, fixed whoever solves them: each a range of places.
-
-    >>> blocks_of(10)
-    [range(0, 8), range(8, 10)]
-    """
+    """Return the blocks of so many frames, fixed whoever solves them: each a range of places."""
     return [range(start, min(start + BLOCK, count)) for start in range(0, count, BLOCK)]
 
 

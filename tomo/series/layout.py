@@ -202,10 +202,7 @@ def mend_descriptions(path: Path, times: Sequence[float], frames: Sequence[int])
 def _check_attributes(
     about: Mapping[str, Any], stored: Mapping[str, Any] | None, count: int
 ) -> None:
-    """Raise unless attributes are as they were written, for ``count`` frames.
-
-    ``stored`` is their checksum, which earlier versions did not write.
-    """
+    """Raise unless attributes are as written, by a checksum that earlier versions lack."""
     if stored is not None and _checksum(about, stored["of"]) != stored["crc32"]:
         raise ValueError(
             "found another checksum than they were written with: damaged or edited; copy the file "

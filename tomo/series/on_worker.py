@@ -88,10 +88,7 @@ def solve_block_of(name: str, start: int, stop: int, wait: bool) -> bool:
 
 
 def rank_of(name: object) -> int:
-    """Return the number of a worker among those of its machine; 0 where its name is none.
-
-    Where each has a GPU of its own (CUDA_VISIBLE_DEVICES), that is its only one all the same.
-    """
+    """Return the number of a worker among those of its machine; 0 where its name is none."""
     return int(str(name)) if re.fullmatch(r"\d+", str(name), re.ASCII) else 0
 
 

@@ -80,10 +80,7 @@ class Plan:
         return replace(self, system=system)
 
     def at_device_of(self, rank: int) -> Plan:
-        """Return the plan of a process of so many that share the devices of a machine.
-
-        Processes take the devices in turn, unless one device is asked for by its number.
-        """
+        """Return the plan of one process; processes take the devices of a machine in turn."""
         device = self.options.device
         device = f"{CUDA}:{rank % device_count(device)}" if device == CUDA else device
         options = replace(self.options, device=device)
@@ -142,10 +139,7 @@ class Plan:
 
 
 def system_of_block(plan: Plan, frames: Sequence[FrameImages]) -> BlockSystem:
-    """Return the equations of a block: over the union of its frames' hulls, of common pixels.
-
-    Those of the plan serve where the block asks for the same voxels and pixels.
-    """
+    """Return the equations of a block: over the union of its frames' hulls, of common pixels."""
     rig, noise = plan.registered.rig, plan.registered.noise
     active, seen = hull_of_frames(
         rig, frames, plan.grid, plan.registered.rule, noise, plan.system.active

@@ -129,13 +129,10 @@ def reconstruct_series(
 
 
 def run_plan(plan: Plan, store: SeriesStore, progress: Progress | None = None) -> None:
-    """Solve and write every block that is not complete and that no other run has in hand.
-
-    Blocks of another run are waited for, and done here where it ended before them.
-    """
+    """Solve and write every block that is not complete and that no other run has in hand."""
     blocks = blocks_of(len(plan.places))
     with closing(Claims(store.path)) as claims:
-        for wait in (False, True):
+        for wait in (False, True):  # at last for blocks of other runs, which may end before them
             missing = [block for block in blocks if not store.is_complete(block)]
             run_blocks(plan, store, claims, missing, wait, progress)
     if progress:
@@ -242,10 +239,7 @@ def _check_images(scan: Scan, places: Sequence[int]) -> None:
 
 
 def _check_room(path: Path, plan: Plan) -> None:
-    """Refuse a store that does not fit on the disk.
-
-    Dark voxels take next to nothing; the others are taken for not compressible.
-    """
+    """Refuse a store that does not fit on the disk, but for voxels always dark, uncompressed."""
     folder = path.absolute()
     while not folder.exists():
         folder = folder.parent

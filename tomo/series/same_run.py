@@ -171,10 +171,7 @@ class Claims:
         os.close(self._handle)
 
     def take(self, block: range, *, wait: bool) -> bool:
-        """Take a block; return whether it could be had.
-
-        ``wait`` waits for the process that has it, until that has finished it or ended.
-        """
+        """Take a block, or wait for the process that has it; return whether it could be had."""
         if self._system is None:
             return True
         how = self._system.LOCK_EX | (0 if wait else self._system.LOCK_NB)

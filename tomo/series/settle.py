@@ -125,10 +125,8 @@ def _choose(
 
 
 def middle(choices: Sequence[Choice]) -> Choice:
-    """Return the middle one of some choices, ordered by strength, width and iterations.
-
-    Those of dark frames, which predict nothing, do not count where there are others.
-    """
+    """Return the middle one of some choices, ordered by strength, width and iterations."""
+    # dark frames predict nothing
     telling = [one for one in choices if np.isfinite(one.held_out_residual)] or list(choices)
     order = sorted(telling, key=lambda one: (one.strength, one.width, one.iterations))
     return order[len(order) // 2]

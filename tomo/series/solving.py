@@ -54,10 +54,7 @@ def solve_together(
     frames: Sequence[FrameImages],
     choice: Choice,
 ) -> Iterator[FrameResult]:
-    """Solve some frames of a block and compare them.
-
-    Each product with the matrix serves all of them, see `tomo.solvers.mlem.mlem_of_several`.
-    """
+    """Solve some frames of a block together, see `mlem_of_several`, and compare them."""
     if not frames:
         return
     began = time.perf_counter()

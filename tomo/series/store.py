@@ -120,10 +120,7 @@ class SeriesStore:
 
     @property
     def states(self) -> NDArray[np.uint8]:
-        """`COMPLETE`, `LEFT_OUT`, or 0 where a frame is still to be done, ``(frames,)``.
-
-        A frame whose volume is gone is to be done, whatever is recorded.
-        """
+        """`COMPLETE`, `LEFT_OUT`, or 0: to be done, as where a volume is gone, ``(frames,)``."""
         found = self._recorded()
         for place in np.flatnonzero(found == COMPLETE).tolist():
             found[place] *= self._chunks.file("emission", place).is_file()
@@ -189,10 +186,7 @@ class SeriesStore:
         self._chunks.flush(self._chunks.files(name, whole))
 
     def finish(self, block: range, results: Sequence[FrameResult]) -> None:
-        """Write the figures of a block whose volumes are written, and then its record.
-
-        Everything else of the block is on the disk before its record is written.
-        """
+        """Write the figures of a block, then its record, once all else of it is on the disk."""
         for name in FIGURES:
             of_frames = [one.figures.get(name, math.nan) for one in results]
             if name == "warnings":
@@ -218,10 +212,7 @@ class SeriesStore:
         self._record(block, states)
 
     def damage(self, block: range) -> dict[int, str]:
-        """Return the frames of a block that are recorded as done, but not readable, each with why.
-
-        All volumes and figures of the block are read.
-        """
+        """Read a block through; return frames recorded as done but not readable, each with why."""
         try:
             record = self._recorded(block)
             for name in _OF_FRAMES if record.any() else ():

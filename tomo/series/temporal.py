@@ -52,10 +52,7 @@ class TemporalFilter:
     def apply(
         self, active: ActiveVoxels, solutions: Mapping[int, NDArray[np.float32]], place: int
     ) -> NDArray[np.float32]:
-        """Return the filtered frame at a place, from solutions ``(unknowns,)`` by their places.
-
-        Neighbours that there are none of, at both ends, count as the last on their side.
-        """
+        """Return the filtered frame at a place, from solutions ``(unknowns,)`` by their places."""
         pairs = neighbours(active, solutions, place, len(self.coarse) - 1, self.velocity)
         none = np.zeros_like(pairs[0])
         low = sum((np.float32(a) * one for a, one in zip(self.coarse, pairs, strict=True)), none)

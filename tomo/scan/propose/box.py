@@ -91,10 +91,7 @@ def grid_in(rig: Rig, box: Box, voxel: float | None = None) -> tuple[VoxelGrid, 
 
 
 def _reach(rig: Rig, point: NDArray[np.float64]) -> float:
-    """Return how far the cameras see around a point: the widest half diagonal of their fields.
-
-    At most half of the way to the nearest camera.
-    """
+    """Return the widest half diagonal of views around a point, at most half way to a camera."""
     reaches, distances = [], []
     for camera in rig:
         width, height = camera.image_size
@@ -141,20 +138,16 @@ def _in_view(rig: Rig, grid: VoxelGrid) -> NDArray[np.bool_]:
 
 
 def _certain(brightness: Brightness) -> float | str:
-    """Return the intensity from which pixels are certainly bright; ``auto`` where none is.
-
-    A box is as large as its outermost voxels: noise above carving's threshold would widen it.
-    """
+    """Return the intensity from which pixels are certainly bright; ``auto`` where none is."""
+    # a box is as large as its outermost voxels: noise above carving's threshold would widen it
     pairs = zip(brightness.images, brightness.certain, strict=True)
     lowest = [float(image[certain].min()) for image, certain in pairs if certain.any()]
     return min(lowest) if lowest else "auto"
 
 
 def _cut_off(rig: Rig, brightness: Brightness) -> list[str]:
-    """Return the cameras whose light reaches the edges of their images.
-
-    A pixel of the edge has noise that a blur lessens little, so a pixel inside must be bright too.
-    """
+    """Return the cameras whose light reaches the edges of their images."""
+    # a blur lessens the noise of an edge's pixel little: one inside must be bright too
     inside = 1 + math.ceil(3 * brightness.smoothing)
     found = []
     for name, certain in zip(rig.names, brightness.certain, strict=True):

@@ -109,10 +109,7 @@ class Contents:
 
     @classmethod
     def of(cls, folder: Path) -> Contents:
-        """Look into a folder and the folders in it.
-
-        Hidden files, and folders that commands wrote results into, are passed over.
-        """
+        """Look into a folder and those in it, but for hidden files and what commands wrote."""
         if not folder.is_dir():
             kind = NotADirectoryError if folder.exists() else FileNotFoundError
             raise kind(f"{folder}: found no such folder, expected one with images")

@@ -22,10 +22,7 @@ FRAMES = "{frame}"
 def correction_of(
     contents: Contents, name: str, rig: Rig, images: str, dropped: Sequence[str] = ()
 ) -> str | None:
-    """Return the value that scan.yaml has for dark or flat frames; None where there are none.
-
-    Frames beside ``images``, the pattern of the cameras' images, come before those elsewhere.
-    """
+    """Return scan.yaml's value for dark or flat frames, those beside images first; None: none."""
     files = contents.dark if name == "dark" else contents.flat
     if not files:
         return None
@@ -102,10 +99,7 @@ def _value(folder: Path, name: str, pattern: str, named: Named, rig: Rig) -> str
 
 
 def _ways(pattern: str, start: str) -> Iterator[str]:
-    """Yield values of scan.yaml that could find the frames of a pattern, simple ones first.
-
-    ``start`` is how the names of all frames begin.
-    """
+    """Yield values that could find a pattern's frames, named ``start``..., simple ones first."""
     if FRAMES not in pattern and "*" not in pattern:
         yield pattern
     parts = PurePosixPath(pattern).parts
