@@ -92,7 +92,7 @@ def _volume(path: Path, frame: int | None, option: str, array: BareArray) -> Vol
         if path.is_dir():
             path = path / VOLUME_FILES[0]
         own = array if path.suffix.lower() == ".npy" else BareArray()
-        return read_volume_file(path, own, allow_nan=True)[0]
+        return read_volume_file(path, own, allow_nan=True)
     film = VolumeFilm(path) if VolumeFilm.is_at(path) else SeriesStore(path)
     if frame is None and film.n_frames > 1:
         raise ValueError(

@@ -14,7 +14,7 @@ from tomo.draw.figures import PICTURE_SUFFIXES
 
 if TYPE_CHECKING:
     from rigs import Rig
-    from tomo import VoxelGrid
+    from tomo import Volume, VoxelGrid
     from tomo.draw.emission import Looks
 
 
@@ -177,29 +177,29 @@ def _numbers(text: str) -> list[float] | None:
     return numbers if all(math.isfinite(number) for number in numbers) else None
 
 
-def read_volume_file(path: Path, array: BareArray, *, allow_nan: bool = False) -> tuple:
-    """Return data, grid and both units of a volume."""
-    from tomo.io import read_volume_with_unit
+def read_volume_file(path: Path, array: BareArray, *, allow_nan: bool = False) -> Volume:
+    """Return a volume."""
+    from tomo.io import read_volume
 
     given = {
         "spacing": parse_spacing(array.spacing) if array.spacing else None,
         "center": parse_triple(array.center, "--center") if array.center else None,
         "length_unit": array.length_unit,
     }
-    return read_volume_with_unit(path, allow_nan=allow_nan, **given)
+    return read_volume(path, allow_nan=allow_nan, **given)[0]
 
 
-def read_volume_in(path: Path, rig: Rig, box: Box) -> tuple:
-    """Return data, grid and unit of the values of a volume in a rig's unit of length."""
+def read_volume_in(path: Path, rig: Rig, box: Box) -> Volume:
+    """Return a volume in a rig's unit of length."""
     if path.suffix.lower() == ".npy":
-        array = BareArray(box.spacing, box.center, rig.length_unit)
-        return *read_volume_file(path, array)[:2], ""
-    data, grid, unit, value_unit = read_volume_file(path, BareArray())
-    if unit != rig.length_unit:
+        return read_volume_file(path, BareArray(box.spacing, box.center, rig.length_unit))
+    found = read_volume_file(path, BareArray())
+    if found.length_unit != rig.length_unit:
         raise ValueError(
-            f"{path}: length_unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
+            f"{path}: length_unit: found {found.length_unit!r}, expected {rig.length_unit!r}, the "
+            "rig's"
         )
-    return data, grid, value_unit
+    return found
 
 
 def load_rig_and_grid(text: str) -> tuple[Rig, VoxelGrid | None]:

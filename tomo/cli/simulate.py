@@ -13,7 +13,7 @@ from tomo.pipeline.declared import whole
 if TYPE_CHECKING:
     from phantoms.field import Field
     from rigs import Rig
-    from tomo.grid import VoxelGrid
+    from tomo.grid import Volume, VoxelGrid
     from tomo.scan import Scan
 
 EXAMPLES = """
@@ -107,6 +107,7 @@ def simulate(
         Frames a second, with --frames; 10000 by default.
     """
     started = time.perf_counter()
+    from phantoms import SampledField, create
     from tomo.simulation import simulate_film, simulate_images
     from tomo.simulation.effects import OPTICS, Effects
     from tomo.simulation.film import FRAME_RATE
@@ -126,8 +127,11 @@ def simulate(
         loaded = loaded.with_fresnel(fresnel)
     check_output_volume(out, loaded, rig)
     volume = _read_volume(phantom, loaded, box)
-    voxels = box.voxels(volume[1] if volume else default)
-    field = _field(phantom, volume, voxels, seed)
+    voxels = box.voxels(default if volume is None else volume.grid)
+    if volume is not None:
+        field: Field = SampledField(volume, volume.grid)
+    else:
+        field = create(phantom, seed, voxels.extent, voxels.center)
     rays = {"supersample": supersample, "refine": refine, "tracer": tracer, "device": device}
     noises = {"noise": noise, "photons": photons, "read_noise": read_noise, "bits": bits}
     settings = {"effects": effects, "seed": seed, **rays, **noises}
@@ -158,8 +162,8 @@ def _summary(scan: Scan, voxels: VoxelGrid, folder: Path) -> dict[str, Any]:
     }
 
 
-def _read_volume(phantom: str, rig: Rig, box: Box) -> tuple | None:
-    """Return data and grid when ``phantom`` is a volume file, None when it is a name."""
+def _read_volume(phantom: str, rig: Rig, box: Box) -> Volume | None:
+    """Return the volume when ``phantom`` is a file, None when it is a name."""
     from phantoms import names
     from tomo.io.volumes import readable_endings
 
@@ -172,12 +176,3 @@ def _read_volume(phantom: str, rig: Rig, box: Box) -> tuple | None:
             f"files end in {', '.join(readable_endings())}"
         )
     return read_volume_in(Path(phantom), rig, box)
-
-
-def _field(phantom: str, volume: tuple | None, voxels: VoxelGrid, seed: int) -> Field:
-    """Return the field; a named phantom is made for the box of the grid."""
-    from phantoms import SampledField, create
-
-    if volume is not None:
-        return SampledField(*volume[:2])
-    return create(phantom, seed, voxels.extent, voxels.center)

@@ -127,13 +127,11 @@ def _volume(
     """Return a volume, None without one, and the grid to draw."""
     if volume is None:
         return None, box.voxels(default) if box else default
-    from tomo.grid import Volume
-
     allowed = Box(spacing=box.spacing, center=box.center)
     if box != (allowed if volume.suffix.lower() == ".npy" else Box()):
         raise ValueError("--volume: has a grid of its own, expected no --grid with it")
-    data, own, value_unit = read_volume_in(volume, rig, box)
-    return Volume(data, own, rig.length_unit, value_unit), own
+    found = read_volume_in(volume, rig, box)
+    return found, found.grid
 
 
 def _difference(

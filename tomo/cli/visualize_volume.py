@@ -51,13 +51,12 @@ def visualize_volume(
         raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")
     from tomo.draw import visualize_volume as draw
 
-    data, grid, unit, value_unit = read_volume_file(volume, array, allow_nan=True)
-    heading = drawing.titled(volume.stem)
-    units = {"length_unit": unit, "value_unit": value_unit}
+    data = read_volume_file(volume, array, allow_nan=True)
     for path in out:
-        draw(path, data, grid, **units, title=heading, looks=drawing.looks)
+        draw(path, data, title=drawing.titled(volume.stem), looks=drawing.looks)
     if json:
-        print_json({"files": [*map(str, out)], "grid": grid.to_mapping(), **units})
+        units = {"length_unit": data.length_unit, "value_unit": data.value_unit}
+        print_json({"files": [*map(str, out)], "grid": data.grid.to_mapping(), **units})
 
 
 def _film(store: Path, out: Sequence[Path], frames: str | None, title: str, json: bool) -> None:

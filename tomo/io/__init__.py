@@ -6,7 +6,7 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
         "volume_film": ["VolumeFilm"],
-        "volumes": ["read_volume", "read_volume_with_unit", "write_volume"],
+        "volumes": ["read_volume", "write_volume"],
         "xarray_volumes": ["data_array", "volume_of_data_array"],
     },
 )

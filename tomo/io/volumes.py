@@ -52,7 +52,7 @@ def read_volume(
     Returns
     -------
     data : Volume
-        ``(nx, ny, nz)`` float32, with both units.
+        ``(nx, ny, nz)`` float32, with both units; that of the values is empty if not named.
     grid : VoxelGrid
         The volume's.
     length_unit : str
@@ -65,20 +65,6 @@ def read_volume(
     FileNotFoundError
         If there is no such file.
     """
-    return read_volume_with_unit(
-        path, spacing=spacing, center=center, length_unit=length_unit, allow_nan=allow_nan
-    )[:3]
-
-
-def read_volume_with_unit(
-    path: str | os.PathLike,
-    *,
-    allow_nan: bool = False,
-    spacing: ArrayLike | None = None,
-    center: ArrayLike | None = None,
-    length_unit: str | None = None,
-) -> tuple[Volume, VoxelGrid, str, str]:
-    """Return what `read_volume` does, and the unit of the values; empty where none is named."""
     path = Path(path)
     reader = _format_of(path, _READERS)
     if not path.is_file():
@@ -111,8 +97,7 @@ def read_volume_with_unit(
             raise ValueError("found NaN in every voxel, expected some finite values")
         check_length_unit(length_unit)
         _check_value_unit(value_unit)
-    volume = Volume(data, grid, length_unit, value_unit)
-    return volume, grid, length_unit, value_unit
+    return Volume(data, grid, length_unit, value_unit), grid, length_unit
 
 
 def readable_endings() -> tuple[str, ...]:

@@ -77,8 +77,8 @@ def data_array(
     )
 
 
-def volume_of_data_array(array: DataArray) -> tuple[Volume, VoxelGrid, str, str]:
-    """Return the volume of a DataArray along x, y and z, its grid and both units.
+def volume_of_data_array(array: DataArray) -> Volume:
+    """Return the volume of a DataArray along x, y and z, with both units.
 
     The dimensions may have any order, and coordinates may descend. The length unit is ``mm`` where
     the coordinates name none; the unit of the values is empty where the array names none.
@@ -103,5 +103,4 @@ def volume_of_data_array(array: DataArray) -> tuple[Volume, VoxelGrid, str, str]
     check_length_unit(length_unit)
     backwards = tuple(AXES.index(name) for name in descending(array))
     data = np.flip(np.asarray(array.transpose(*AXES).values), backwards)
-    value_unit = str(array.attrs.get("units", ""))
-    return Volume(data, grid, length_unit, value_unit), grid, length_unit, value_unit
+    return Volume(data, grid, length_unit, str(array.attrs.get("units", "")))

@@ -79,26 +79,27 @@ def screen(loaded: LoadedScan, hold_out: Sequence[str], *, look: bool) -> Screen
     return parted(whole, scan, hold_out)
 
 
-def parted(screened: ScreenedScan, scan: Scan, apart: Sequence[str]) -> ScreenedScan:
-    """Return the images of a whole scan, parted from those of some cameras."""
-    if not apart:
+def parted(screened: ScreenedScan, whole: Scan, gone: Sequence[str]) -> ScreenedScan:
+    """Return the images parted from those of some more cameras of a whole scan."""
+    if not gone:
         return screened
-    names = scan.rig.names
-    used = [n for n, name in enumerate(names) if name not in apart]
-    rest = [n for n, name in enumerate(names) if name in apart]
-
-    def of(values: Sequence, which: Sequence[int]) -> list:
-        return [values[n] for n in which]
-
+    names = screened.scan.rig.names
+    known = dict(zip(names, zip(screened.images, screened.masks, strict=True), strict=True))
+    if screened.apart is not None:
+        pairs = zip(screened.apart_images, screened.apart_masks, strict=True)
+        known |= zip(screened.apart.rig.names, pairs, strict=True)
+    noise = dict(zip(names, screened.noise, strict=True))
+    used = screened.scan.without(*gone)
+    apart = whole.only(*(name for name in known if name not in used.rig.names))
     return replace(
         screened,
-        scan=screened.scan.without(*apart),
-        images=of(screened.images, used),
-        masks=of(screened.masks, used),
-        noise=tuple(of(screened.noise, used)),
-        apart=scan.only(*(names[n] for n in rest)),
-        apart_images=of(screened.images, rest),
-        apart_masks=of(screened.masks, rest),
+        scan=used,
+        images=[known[name][0] for name in used.rig.names],
+        masks=[known[name][1] for name in used.rig.names],
+        noise=tuple(noise[name] for name in used.rig.names),
+        apart=apart,
+        apart_images=[known[name][0] for name in apart.rig.names],
+        apart_masks=[known[name][1] for name in apart.rig.names],
     )
 
 
@@ -119,39 +120,22 @@ LIT = 0.05
 
 def without_unusable(screened: ScreenedScan, whole: Scan) -> ScreenedScan:
     """Return the scan without images that say nothing, if enough others are left."""
-    names, found = screened.scan.rig.names, []
+    names, said = screened.scan.rig.names, list[Finding]()
     for name, image, mask, noise in zip(
         names, screened.images, screened.masks, screened.noise, strict=True
     ):
         if is_dark(image, mask, noise):
-            found.append(Finding("dark", name))
+            said.append(Finding("dark", name))
     for first, second in doubles(screened.images):
-        found += [
+        said += [
             Finding("same image", names[a], other=names[b])
             for a, b in ((first, second), (second, first))
         ]
-    gone = tuple(dict.fromkeys(one.camera for one in found if one.camera))
-    if not found or len(names) - len(gone) < FEWEST_VIEWS:
+    gone = tuple(dict.fromkeys(one.camera for one in said if one.camera))
+    if not said or len(names) - len(gone) < FEWEST_VIEWS:
         return screened
-    return _left_out(replace(screened, findings=tuple(found)), whole, gone)
-
-
-def _left_out(screened: ScreenedScan, whole: Scan, gone: Sequence[str]) -> ScreenedScan:
-    """Return the scan without some more cameras."""
-    rest = replace(screened, apart=None, apart_images=[], apart_masks=[])
-    kept = parted(rest, screened.scan, gone)
-    if screened.apart is not None and kept.apart is not None:
-        names = [*screened.apart.rig.names, *kept.apart.rig.names]
-        both = dict(zip(names, [*screened.apart_images, *kept.apart_images], strict=True))
-        masks = dict(zip(names, [*screened.apart_masks, *kept.apart_masks], strict=True))
-        apart = whole.only(*names)
-        kept = replace(
-            kept,
-            apart=apart,
-            apart_images=[both[name] for name in apart.rig.names],
-            apart_masks=[masks[name] for name in apart.rig.names],
-        )
-    return replace(kept, excluded=(*screened.excluded, *gone))
+    found = replace(screened, findings=tuple(said), excluded=(*screened.excluded, *gone))
+    return parted(found, whole, gone)
 
 
 def with_image_in_place(

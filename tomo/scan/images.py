@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from tomo.grid import VoxelGrid
-from tomo.io import VolumeFilm, read_volume_with_unit
+from tomo.io import VolumeFilm, read_volume
 from tomo.io.volume_film import SUFFIX
 from tomo.measurement import DeadLines, StoredBits
 from tomo.scan.advice import FILE, OPTIONS, PYTHON
@@ -179,7 +179,8 @@ class ScanImages:
         if self.truth.suffix == SUFFIX:
             film = VolumeFilm(self.truth)
             return film.read(self.frames.index(self.frame(frame))), film.grid
-        data, grid, _, unit = read_volume_with_unit(self.truth)
+        data, grid, _ = read_volume(self.truth)
+        unit = data.value_unit
         if self.radiometry is not None and unit not in ("", self.radiometry.value_unit):
             raise ValueError(
                 f"{self.truth}: value_unit: found {unit}, expected {self.radiometry.value_unit}, "

@@ -41,12 +41,13 @@ def field_and_grid(
     """
     own = None
     if hasattr(field, "dims"):
-        data, own, unit, _ = volume_of_data_array(cast("DataArray", field))
-        if unit != rig.length_unit:
+        volume = volume_of_data_array(cast("DataArray", field))
+        if volume.length_unit != rig.length_unit:
             raise ValueError(
-                f"field: length unit: found {unit!r}, expected {rig.length_unit!r}, the rig's"
+                f"field: length unit: found {volume.length_unit!r}, expected {rig.length_unit!r}, "
+                "the rig's"
             )
-        field = SampledField(data, own)
+        own, field = volume.grid, SampledField(volume, volume.grid)
     grid = grid or own or grid_of_rig(rig)
     if grid is None:
         raise ValueError(

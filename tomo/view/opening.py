@@ -14,7 +14,7 @@ import numpy as np
 from rigs import Rig, load_rig
 from tomo.draw.volume.visualize import volume_of
 from tomo.grid import Volume, VoxelGrid
-from tomo.io import VolumeFilm, read_volume_with_unit
+from tomo.io import VolumeFilm, read_volume
 from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan
@@ -151,9 +151,9 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
 
 def content_of_volume(path: Path) -> Content:
     """Return the content of a volume file with its own grid."""
-    data, voxels, length_unit, value_unit = read_volume_with_unit(path, allow_nan=True)
-    frames = Frames((path.stem,), lambda place: data)
-    return Content(path.stem, None, voxels, frames, value_unit=value_unit, length_unit=length_unit)
+    data, voxels, unit = read_volume(path, allow_nan=True)
+    frames, values = Frames((path.stem,), lambda place: data), data.value_unit
+    return Content(path.stem, None, voxels, frames, value_unit=values, length_unit=unit)
 
 
 def content_of_rig(

@@ -11,7 +11,7 @@ import yaml
 
 from rigs import ring, save_rig
 from tomo import VoxelGrid
-from tomo.io.volumes import read_volume_with_unit
+from tomo.io.volumes import read_volume
 from tomo.operators import LinearSystem
 from tomo.series import SeriesStore
 
@@ -53,8 +53,8 @@ def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
     assert "reconstructed emission in W/m³/sr" in page
     assert f"{report['emission']['power']:.4g} W" in page
     for ending in ("npz", "vti", "nrrd"):
-        data, *_, unit = read_volume_with_unit(tmp_path / f"out/volume.{ending}")
-        assert unit == UNIT
+        data, *_ = read_volume(tmp_path / f"out/volume.{ending}")
+        assert data.value_unit == UNIT
         assert 1e-9 * data.sum(dtype=np.float64) == pytest.approx(total, rel=0.02)
     drawn = tmp_path / "drawn.html"
     done = run_tool("visualize_volume", tmp_path / "out/volume.nrrd", "-o", drawn, "--json")
@@ -79,7 +79,7 @@ def test_a_film_and_its_exports_name_their_unit(scan, run_tool, tmp_path):
         assert file["VTKHDF/PointData/emission"].attrs["units"] == UNIT
     assert run_tool("export", store, "--to", "npz", "-o", tmp_path / "files").exit_code == 0
     for written in (tmp_path / "files").iterdir():
-        assert read_volume_with_unit(written)[3] == UNIT
+        assert read_volume(written)[0].value_unit == UNIT
 
 
 def test_a_wrong_calibration_is_one_line(scan, refused, edit, tmp_path):

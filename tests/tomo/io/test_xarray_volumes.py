@@ -18,9 +18,9 @@ BARE = ARRAY.drop_attrs()
 
 
 def test_a_volume_comes_back_bit_for_bit():
-    data, grid, length_unit, value_unit = volume_of_data_array(ARRAY)
+    data = volume_of_data_array(ARRAY)
     assert data.tobytes() == VOLUME.tobytes()
-    assert (grid, length_unit, value_unit) == (GRID, "mm", "counts per mm")
+    assert (data.grid, data.length_unit, data.value_unit) == (GRID, "mm", "counts per mm")
 
 
 def test_a_volume_comes_back_from_a_file(tmp_path):
@@ -28,14 +28,14 @@ def test_a_volume_comes_back_from_a_file(tmp_path):
     ARRAY.to_netcdf(tmp_path / "volume.nc", engine="h5netcdf")
     with xarray.open_dataarray(tmp_path / "volume.nc", engine="h5netcdf") as array:
         assert VoxelGrid.from_xarray(array) == GRID
-        np.testing.assert_array_equal(volume_of_data_array(array)[0], VOLUME)
+        np.testing.assert_array_equal(volume_of_data_array(array), VOLUME)
 
 
 def test_dimensions_may_stand_in_any_order_and_coordinates_may_descend():
     turned = ARRAY.transpose("z", "x", "y").isel(x=slice(None, None, -1), z=slice(None, None, -1))
-    data, grid, *_ = volume_of_data_array(turned)
+    data = volume_of_data_array(turned)
     np.testing.assert_array_equal(data, VOLUME)
-    assert grid == GRID
+    assert data.grid == GRID
 
 
 @pytest.mark.parametrize("array", [ARRAY, BARE], ids=["noted", "bare"])

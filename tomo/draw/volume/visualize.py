@@ -33,7 +33,7 @@ from tomo.draw.volume.isosurface import LEVELS, finite, isosurface_scene
 from tomo.draw.volume.planes import Slices, planes_row, row_size
 from tomo.draw.writers import write_glb, write_html
 from tomo.grid import Volume, VoxelGrid
-from tomo.io import read_volume_with_unit, volume_of_data_array
+from tomo.io import read_volume, volume_of_data_array
 from tomo.pipeline import Reconstruction
 
 if TYPE_CHECKING:
@@ -161,9 +161,9 @@ def volume_of(
     elif isinstance(given, Reconstruction):
         own = given.volume
     elif isinstance(given, str | os.PathLike):
-        own, *_ = read_volume_with_unit(given, allow_nan=True)
+        own, *_ = read_volume(given, allow_nan=True)
     elif hasattr(given, "dims"):
-        own, *_ = volume_of_data_array(given)
+        own = volume_of_data_array(given)
     else:
         data = np.asarray(given)
         if grid is None or data.shape != grid.shape:
