@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -109,6 +109,11 @@ class WeightedSystem:
     choice: Choice | None = None  # the default's for just these equations, where known
     place: str = ON_CPU
     record: Record = Record()
+
+    def only(self, rows: NDArray[np.bool_], system: LinearSystem) -> WeightedSystem:
+        """Return the equations of some of the pixels, which have a system of their own."""
+        weights = None if self.weights is None else self.weights[rows]
+        return replace(self, system=system, measured=self.measured[rows], weights=weights)
 
 
 def build(screened: ScreenedScan, traced: TracedScan, options: Options) -> WeightedSystem:

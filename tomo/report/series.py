@@ -124,7 +124,7 @@ def _reasons_left_out(frames: Sequence[int], scan: Scan) -> list[str]:
     lines = []
     for place in frames[:MOST_REASONS]:
         try:
-            read_frame(scan, place, skip_bad=False)
+            read_frame(scan, place)
         except UnreadableError as error:
             lines.append(f"frame {error.frame}: {error.reason}")
     return lines

@@ -8,8 +8,7 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
-from typing import Literal, overload
+from contextlib import contextmanager, suppress
 
 from tomo.pipeline.frames import FrameImages, images_of
 from tomo.pipeline.load import LoadedScan, load
@@ -83,11 +82,6 @@ def spread(count: int, wanted: int) -> tuple[int, ...]:
     return tuple((2 * place + 1) * count // (2 * wanted) for place in range(wanted))
 
 
-def key_places(places: Sequence[int], options: Options) -> tuple[int, ...]:
-    """Return the places in the scan of the key frames of a series."""
-    return tuple(places[one] for one in spread(len(places), options.key_frames))
-
-
 class UnreadableError(ValueError):
     """A frame that cannot be read or decoded."""
 
@@ -107,20 +101,17 @@ def naming(frame: str) -> Iterator[None]:
         raise UnreadableError(frame, error) from error
 
 
-@overload
-def read_frame(scan: Scan, place: int, skip_bad: Literal[False]) -> LoadedScan: ...
-@overload
-def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None: ...
-def read_frame(scan: Scan, place: int, skip_bad: bool) -> LoadedScan | None:
-    """Return a frame by its place; None where it cannot be read and may be left out."""
+def read_frame(scan: Scan, place: int) -> LoadedScan:
+    """Return a frame by its place."""
     frame = scan.frames[place].name
-    try:
-        with naming(frame):
-            return load(scan, frame)
-    except UnreadableError:
-        if skip_bad:
-            return None
-        raise
+    with naming(frame):
+        return load(scan, frame)
+
+
+def _read_good(scan: Scan, place: int) -> LoadedScan | None:
+    with suppress(UnreadableError):
+        return read_frame(scan, place)
+    return None
 
 
 def reader_of(
@@ -129,7 +120,7 @@ def reader_of(
     """Return what reads a frame by its place in the scan; None for one that is left out."""
 
     def read(place: int) -> FrameImages | None:
-        loaded = read_frame(scan, place, skip_bad)
+        loaded = _read_good(scan, place) if skip_bad else read_frame(scan, place)
         return None if loaded is None else images_of(loaded, screened)
 
     return read
@@ -137,15 +128,15 @@ def reader_of(
 
 def readable_keys(scan: Scan, places: Sequence[int], options: Options) -> tuple[int, ...]:
     """Return the places of the key frames; each bad one gives way to the next that is readable."""
-    wanted = key_places(places, options)
+    wanted = tuple(places[one] for one in spread(len(places), options.key_frames))
     if not options.skip_bad:
         return wanted
     found: list[int] = []
     for key, end in zip(wanted, (*wanted[1:], places[-1] + 1), strict=True):
         stretch = [place for place in places if key <= place < end]
-        good = (place for place in stretch if read_frame(scan, place, True) is not None)
+        good = (place for place in stretch if _read_good(scan, place) is not None)
         found += itertools.islice(good, 1)
     if not found:
-        read_frame(scan, wanted[0], False)  # raises, with the reason
+        read_frame(scan, wanted[0])  # raises, with the reason
         raise ValueError(f"{scan.where}frames: found none that can be read, expected one")
     return tuple(found)

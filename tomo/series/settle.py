@@ -78,7 +78,7 @@ def make_plan(
     warm_up_stages(options.tracer, carving=options.skip)
     stage("reading key frames")
     keys = readable_keys(scan, places, options)
-    loaded = [read_frame(scan, place, False) for place in keys]
+    loaded = [read_frame(scan, place) for place in keys]
     cameras = cameras_to_refine(options, scan)
     ready = prepare(scan, grid, options, loaded, cameras, stage)
     screened, registered, built = ready.screened, ready.registered, ready.built
@@ -175,16 +175,10 @@ def _window(plan: Plan, choice: Choice, places: range, view: int) -> Window | No
     system = system_of_block(plan, list(frames.values()))
     whole = system.built.system
     fold, held = leave_out(view, whole.projector, whole.blocks(BLOCK))
-    part = replace(whole, projector=fold.training)
-    training, left_out, weights = [], {}, {}
-    for place, frame in frames.items():
-        built = weighted(plan, system, frame)
-        left_out[place] = built.measured[held]
-        weights[place] = None if built.weights is None else built.weights[held]
-        own = None if built.weights is None else built.weights[~held]
-        training.append(replace(built, system=part, measured=built.measured[~held], weights=own))
-    found = solved_together(plan, training, choice)
+    built = {place: weighted(plan, system, frame) for place, frame in frames.items()}
+    part, rest = (replace(whole, projector=one) for one in (fold.training, fold.left_out))
+    seen = {place: one.only(~held, part) for place, one in built.items()}
+    left_out = {place: one.only(held, rest) for place, one in built.items()}
+    found = solved_together(plan, list(seen.values()), choice)
     solutions = {place: unknowns for place, (_, unknowns) in zip(frames, found, strict=True)}
-    seen = {place: one.measured for place, one in zip(frames, training, strict=True)}
-    seen_weights = {place: one.weights for place, one in zip(frames, training, strict=True)}
-    return Window(fold, solutions, left_out, weights, seen, seen_weights)
+    return Window(fold, solutions, left_out, seen)

@@ -191,9 +191,8 @@ def solve_filtered(
     for place in own:
         now = time.perf_counter() - spent
         result, alone = found[place]
-        unknowns, one = temporal.apply(projector.active, solutions, place), built[place]
-        grown = growth(projector, one.measured, one.weights, alone, unknowns)
-        if grown <= temporal.most:
+        unknowns = temporal.apply(projector.active, solutions, place)
+        if growth(built[place], alone, unknowns) <= temporal.most:
             volume = voxel_means_of(projector, unknowns)
             result = replace(result, solution=replace(result.solution, volume=volume))
         yield place, compared(plan, system, frames[place], result, now)

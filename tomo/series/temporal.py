@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo._compute.reductions import norm
 from tomo.grid import ActiveVoxels
 from tomo.grid.blur import Blur
-from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline.build import WeightedSystem
 
 REACH = 2
 """Neighbours on either side. Each one more costs two solves a block; a third gained 0.5 % more."""
@@ -65,14 +65,11 @@ class TemporalFilter:
 
 
 def growth(
-    projector: ProjectionOperator,
-    measured: NDArray[np.float32],
-    weights: NDArray[np.float32] | None,
-    before: NDArray[np.float32],
-    after: NDArray[np.float32],
+    built: WeightedSystem, before: NDArray[np.float32], after: NDArray[np.float32]
 ) -> float:
     """Return how many times the residual of a frame's pixels grows from one volume to another."""
-    root = np.float32(1) if weights is None else np.sqrt(weights)
+    root = np.float32(1) if built.weights is None else np.sqrt(built.weights)
+    projector, measured = built.system.projector, built.measured
     old, new = (norm(root * (measured - projector @ one)) for one in (before, after))
     return new / old if old > 0 else (math.inf if new > 0 else 1.0)
 

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 from tomo.grid import ActiveVoxels
 from tomo.grid.blur import Blur
 from tomo.operators.operator import ProjectionOperator
+from tomo.pipeline.build import WeightedSystem
 from tomo.selection.folds import Fold, surely_lower
 from tomo.series.temporal import REACH, SPLIT, TemporalFilter, growth, moved, neighbours
 
@@ -39,16 +40,13 @@ class Window:
 
     What is wrong with a camera in every frame would be predicted by the neighbours otherwise. Left
     out pixels of all views do not suffice: on a real plume means over frames predicted them
-    better, and another view worse. Values are by place: the solution ``(unknowns,)``, the left-out
-    pixels, the other pixels, and weights of both.
+    better, and another view worse. Values are by place; solutions are ``(unknowns,)``.
     """
 
     fold: Fold
     solutions: Mapping[int, NDArray[np.float32]]
-    left_out: Mapping[int, NDArray[np.float32]]
-    weights: Mapping[int, NDArray[np.float32] | None]
-    seen: Mapping[int, NDArray[np.float32]]
-    seen_weights: Mapping[int, NDArray[np.float32] | None]
+    left_out: Mapping[int, WeightedSystem]
+    seen: Mapping[int, WeightedSystem]
 
     @property
     def active(self) -> ActiveVoxels:
@@ -80,21 +78,23 @@ class Window:
     @property
     def targets(self) -> NDArray[np.float64]:
         """The pixels to predict, ``(predicted frames, pixels)``."""
-        return np.array([self._root(place) * self.left_out[place] for place in self.predicted])
+        pixels = {place: self.left_out[place].measured for place in self.predicted}
+        return np.array([self._root(place) * one for place, one in pixels.items()])
 
     def growths(self, by: TemporalFilter) -> list[float]:
         """Return how many times a filter lets the residual of each predicted frame grow."""
         return [
             growth(
-                self.fold.training, self.seen[place], self.seen_weights[place],
-                self.solutions[place], by.apply(self.active, self.solutions, place),
+                self.seen[place],
+                self.solutions[place],
+                by.apply(self.active, self.solutions, place),
             )
             for place in self.predicted
-        ]  # fmt: skip
+        ]
 
     def _root(self, place: int) -> NDArray[np.float32]:
-        weights = self.weights[place]
-        return np.ones(len(self.left_out[place]), np.float32) if weights is None else weights**0.5
+        one = self.left_out[place]
+        return np.ones_like(one.measured) if one.weights is None else one.weights**0.5
 
     def errors(self, misfit: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the squared errors of the left-out blocks of every predicted frame."""
