@@ -24,16 +24,9 @@ PATIENCE = 4
 
 @dataclass(frozen=True)
 class Convergence:
-    """What happened after each pass; entry 0 is the start.
+    """What happened after each pass; entry 0 is the start."""
 
-    Attributes
-    ----------
-    seconds : tuple of float
-        Since the images were in memory: tracing included, judging not.
-    cosine_distances, nrmses : tuple of float
-    """
-
-    seconds: tuple[float, ...]
+    seconds: tuple[float, ...]  # since the images were in memory: tracing included, judging not
     cosine_distances: tuple[float, ...]
     nrmses: tuple[float, ...]
 

@@ -54,28 +54,16 @@ COLUMNS = {
 
 @dataclass(frozen=True)
 class Size:
-    """How large the problems are.
+    """How large the problems are."""
 
-    Attributes
-    ----------
-    rates : tuple of (int, int)
-        Voxels along the edge, and views.
-    image : (int, int)
-        Pixels of a view, width and height.
-    solve : (int, int, int)
-        Voxels along the edge, views, and pixels along an image's edge, of the large solve.
-    demo : ((int, int, int), float, int, int)
-        Voxels of the demo's flame, and their edge; of how many cameras one is taken, and by how
-        much images are shrunk.
-    frames : int
-        Frames of the plume.
-    """
-
-    rates: tuple[tuple[int, int], ...]
-    image: tuple[int, int]
+    rates: tuple[tuple[int, int], ...]  # voxels along the edge, and views
+    image: tuple[int, int]  # pixels of a view, width and height
+    # voxels along the edge, views, and pixels along an image's edge, of the large solve
     solve: tuple[int, int, int]
+    # voxels of the demo's flame, and their edge; of how many cameras one is taken, and by how much
+    # images are shrunk
     demo: tuple[tuple[int, int, int], float, int, int]
-    frames: int
+    frames: int  # frames of the plume
 
 
 _DEMO = (20, 94, 20), 0.75, 1, 1

@@ -69,23 +69,13 @@ EFFECTS: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, eq=False)
 class MismatchScene(OfScan):
-    """Images with one of `EFFECTS`, and the flame they are of.
-
-    Attributes
-    ----------
-    effect, flame, noise : str
-    seed : int
-        Of flame, gains and noise.
-    effects : Effects
-        What the images hold.
-    scan : SimulatedImages
-    """
+    """Images with one of `EFFECTS`, and the flame they are of."""
 
     effect: str
     flame: str
     noise: str
-    seed: int
-    effects: Effects
+    seed: int  # of flame, gains and noise
+    effects: Effects  # what the images hold
     scan: SimulatedImages
 
     def problem(self, *, midpoints: bool = False) -> Problem:

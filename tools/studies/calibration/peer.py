@@ -14,21 +14,11 @@ from rigs.calibrate import Observations
 
 @dataclass(frozen=True)
 class Attempt:
-    """What one setting of ``cv2.calibrateMultiview`` gave.
-
-    Attributes
-    ----------
-    setting : str
-    rig : Rig or None
-        None where it threw.
-    words : str
-        What it threw.
-    seconds : float
-    """
+    """What one setting of ``cv2.calibrateMultiview`` gave."""
 
     setting: str
-    rig: Rig | None
-    words: str
+    rig: Rig | None  # None where it threw
+    words: str  # what it threw
     seconds: float
 
 

@@ -24,28 +24,15 @@ _MARGIN = (
 
 @dataclass(frozen=True)
 class Exposure:
-    """How light becomes grey values.
+    """How light becomes grey values."""
 
-    Attributes
-    ----------
-    black, white : float
-        Grey values of ink and paper.
-    surroundings : float
-        Grey value of what is not the target, its back included.
-    shading : float
-        Share by which the image's right edge is darker than its left.
-    blur : float
-        Standard deviation of the lens's Gaussian blur, in pixels.
-    noise : float
-        Standard deviation of each pixel's noise, in grey values.
-    """
-
+    # black, white: grey values of ink and paper
     black: float = 30.0
     white: float = 210.0
-    surroundings: float = 95.0
-    shading: float = 0.15
-    blur: float = 0.7
-    noise: float = 2.0
+    surroundings: float = 95.0  # grey value of what is not the target, its back included
+    shading: float = 0.15  # share by which the image's right edge is darker than its left
+    blur: float = 0.7  # standard deviation of the lens's Gaussian blur, in pixels
+    noise: float = 2.0  # standard deviation of each pixel's noise, in grey values
 
 
 class Board:

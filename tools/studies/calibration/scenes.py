@@ -21,23 +21,15 @@ VOLUME = Volume((40, 60, 40), 2.0)
 
 @dataclass(frozen=True)
 class Poses:
-    """How targets are held before a rig; lengths in mm, angles in degrees, all from -x to x.
-
-    Attributes
-    ----------
-    count : int
-    facing : float
-        The direction on the circle that the target faces.
-    tilt, roll : float
-        About the target's own level axis, and in its own plane.
-    shift, depth : float
-        Of the target's middle from the volume's: sideways and upward, and towards the viewer.
-    """
+    """How targets are held before a rig; lengths in mm, angles in degrees, all from -x to x."""
 
     count: int = 30
-    facing: float = 25.0
+    facing: float = 25.0  # the direction on the circle that the target faces
+    # tilt, roll: about the target's own level axis, and in its own plane
     tilt: float = 30.0
     roll: float = 30.0
+    # shift, depth: of the target's middle from the volume's: sideways and upward, and towards the
+    # viewer
     shift: float = 60.0
     depth: float = 60.0
 
@@ -175,25 +167,14 @@ TEXELS = 12.0
 
 @dataclass(frozen=True)
 class Case:
-    """A kind of rig and of poses.
+    """A kind of rig and of poses."""
 
-    Attributes
-    ----------
-    name, words : str
-        A word for files, and what it is.
-    layout : str
-        ``arc`` or ``ring``.
-    poses : Poses
-    complete : bool
-        Whether only images that show the whole target are used.
-    cameras : int
-    """
-
+    # name, words: a word for files, and what it is
     name: str
     words: str
-    layout: str
+    layout: str  # ``arc`` or ``ring``
     poses: Poses
-    complete: bool
+    complete: bool  # whether only images that show the whole target are used
     cameras: int
 
     def rig(self, seed: int) -> Rig:

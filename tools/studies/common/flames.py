@@ -17,21 +17,15 @@ from tomo.simulation.simulate import SimulatedImages
 
 @dataclass(frozen=True)
 class FlameSize:
-    """How finely a flame is seen and reconstructed.
+    """How finely a flame is seen and reconstructed."""
 
-    Attributes
-    ----------
-    grid_shape, spacing
-        Voxels of the paper's box of 15 x 70 x 15 mm.
-    shrink : int
-        By how much the presets' images are shrunk; 2 makes a pixel as wide as a 0.5 mm voxel.
-    refine, supersample : int
-        Voxels finer than the grid and rays along a pixel's side when images are simulated.
-    """
-
+    # grid_shape, spacing: voxels of the paper's box of 15 x 70 x 15 mm
     grid_shape: tuple[int, int, int]
     spacing: float
+    # by how much the presets' images are shrunk; 2 makes a pixel as wide as a 0.5 mm voxel
     shrink: int
+    # refine, supersample: voxels finer than the grid and rays along a pixel's side when images are
+    # simulated
     refine: int = 2
     supersample: int = 3
 
@@ -46,14 +40,7 @@ PHOTONS = 1000.0
 
 @dataclass(frozen=True, eq=False)
 class Scene(OfScan):
-    """Images of a flame that is known.
-
-    Attributes
-    ----------
-    flame, noise : str
-    views, seed : int
-    scan : SimulatedImages
-    """
+    """Images of a flame that is known."""
 
     flame: str
     views: int

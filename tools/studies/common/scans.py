@@ -21,19 +21,11 @@ from tomo.simulation.simulate import SimulatedImages
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """The equations of a set of images.
-
-    Attributes
-    ----------
-    system : LinearSystem
-    measured : (pixels,) float32
-    seconds : float
-        From images in memory to here: finding what is dark, tracing, indexing.
-    """
+    """The equations of a set of images."""
 
     system: LinearSystem
-    measured: NDArray[np.float32]
-    seconds: float
+    measured: NDArray[np.float32]  # (pixels,)
+    seconds: float  # from images in memory to here: finding what is dark, tracing, indexing
 
 
 def problem(

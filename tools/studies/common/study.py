@@ -27,48 +27,26 @@ VERSION = 3
 
 @dataclass(frozen=True)
 class Request:
-    """What a part is asked for.
+    """What a part is asked for."""
 
-    Attributes
-    ----------
-    size : str
-        How much: ``full``, ``quick``, ``tiny``, or another of the study's sizes.
-    seed : int
-        Of everything random.
-    data : Path or None
-        A folder of real image sets.
-    device : str
-        The GPU of parts that need one.
-    progress : Progress
-    """
-
-    size: str = "full"
-    seed: int = 0
-    data: Path | None = None
-    device: str = "cuda"
+    size: str = "full"  # how much: ``full``, ``quick``, ``tiny``, or another of the study's sizes
+    seed: int = 0  # of everything random
+    data: Path | None = None  # a folder of real image sets
+    device: str = "cuda"  # the GPU of parts that need one
     progress: Progress = field(default=lambda done, total, what: None, compare=False)
 
 
 @dataclass(frozen=True)
 class Study:
-    """A study and its parts.
+    """A study and its parts."""
 
-    Attributes
-    ----------
-    name : str
-        Of its files: ``NAME.json``, ``NAME.md`` and plots in ``NAME/``.
-    title : str
-    parts : mapping of str to (str, str)
-        Title and module of each part, in their order. The module has the function ``run``, or
-        the one named behind a colon, which takes a `Request` and returns `Tables`; ``COLUMNS``,
-        for each table the keys that the page shows; maybe ``PLOTS``, for each picture a
-        function of the tables; and maybe ``check``, which refuses a request by a ValueError. The
-        docstring, of module or function, stands on the page.
-    sizes : tuple of str
-    """
-
-    name: str
+    name: str  # of its files: ``NAME.json``, ``NAME.md`` and plots in ``NAME/``
     title: str
+    # title and module of each part, in their order. The module has the function ``run``, or the
+    # one named behind a colon, which takes a `Request` and returns `Tables`; ``COLUMNS``, for each
+    # table the keys that the page shows; maybe ``PLOTS``, for each picture a function of the
+    # tables; and maybe ``check``, which refuses a request by a ValueError. The docstring, of
+    # module or function, stands on the page
     parts: Mapping[str, tuple[str, str]]
     sizes: tuple[str, ...] = ("full", "quick", "tiny")
 

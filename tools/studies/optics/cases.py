@@ -57,33 +57,18 @@ DEPTH = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Views through optics, and the same views without.
-
-    Attributes
-    ----------
-    name : str
-    bound : float
-        The most that NRMSE may grow where the optics are modelled.
-    sights, without : tuple of Sight
-        The cameras where they stand, with what is in their way; and the same views without it.
-    ignoring : Rig
-        The cameras as a user gives them who does not know of the optics.
-    scene : Scene
-        The optics as a user describes them who does.
-    options : mapping
-        What that user asks for.
-    extinction : float
-        Of the gas in the grid, per mm.
-    """
+    """Views through optics, and the same views without."""
 
     name: str
-    bound: float
+    bound: float  # the most that NRMSE may grow where the optics are modelled
+    # sights, without: the cameras where they stand, with what is in their way; and the same views
+    # without it
     sights: tuple[Sight, ...]
     without: tuple[Sight, ...]
-    ignoring: Rig
-    scene: Scene = field(default_factory=Scene)
-    options: Mapping[str, Any] = field(default_factory=dict)
-    extinction: float = 0.0
+    ignoring: Rig  # the cameras as a user gives them who does not know of the optics
+    scene: Scene = field(default_factory=Scene)  # the optics as a user describes them who does
+    options: Mapping[str, Any] = field(default_factory=dict)  # what that user asks for
+    extinction: float = 0.0  # of the gas in the grid, per mm
 
     @property
     def modelled(self) -> Rig:

@@ -28,16 +28,9 @@ PER_VOXEL = 4
 
 @dataclass(frozen=True)
 class Flame:
-    """A turbulent flame that fills a grid of cubic voxels.
+    """A turbulent flame that fills a grid of cubic voxels."""
 
-    Parameters
-    ----------
-    seed : int
-        See `phantoms.TurbulentFlame`.
-    grid : VoxelGrid
-    """
-
-    seed: int
+    seed: int  # see `phantoms.TurbulentFlame`
     grid: VoxelGrid
 
     @cached_property

@@ -32,15 +32,9 @@ PLASTIC = 1.3247179572447460
 
 @dataclass(frozen=True)
 class Sight:
-    """What a pinhole camera sees with nothing in its way.
+    """What a pinhole camera sees with nothing in its way."""
 
-    Attributes
-    ----------
-    camera : Camera
-        Where it really stands.
-    """
-
-    camera: Camera
+    camera: Camera  # where it really stands
 
     def quadrature(self) -> list[tuple[NDArray, NDArray]]:
         """Return a pixel's rays, of equal weight: positions on the pixel and on the unit disc."""

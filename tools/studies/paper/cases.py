@@ -28,29 +28,16 @@ epoch, 307,200 rays of 33 views: 9,309 a view, with which a pixel of a box of 30
 
 @dataclass(frozen=True)
 class Layout:
-    """Cameras on a circle, all looking at the middle of the flame from 5.5 to 6.5 m.
-
-    Attributes
-    ----------
-    views : int
-    step : float
-        Degrees from a view to the next.
-    pitched : bool
-        Views are 15 degrees above and below the level of the middle in turns.
-    random : bool
-        Distances are drawn evenly from 5500 to 6500 mm; all are 5800 mm otherwise.
-    pixel : float
-        Width of a pixel in voxels.
-    row : float
-        By how many rows the images' middle is off the middle of the flame. A quarter keeps rows of
-        `FINE` pixels of level cameras off the faces between voxel layers.
-    """
+    """Cameras on a circle, all looking at the middle of the flame from 5.5 to 6.5 m."""
 
     views: int = 33
-    step: float = 11.0
-    pitched: bool = True
+    step: float = 11.0  # degrees from a view to the next
+    pitched: bool = True  # views are 15 degrees above and below the level of the middle in turns
+    # distances are drawn evenly from 5500 to 6500 mm; all are 5800 mm otherwise
     random: bool = True
-    pixel: float = FINE
+    pixel: float = FINE  # width of a pixel in voxels
+    # by how many rows the images' middle is off the middle of the flame. A quarter keeps rows of
+    # `FINE` pixels of level cameras off the faces between voxel layers
     row: float = 0.25
 
 
@@ -70,24 +57,13 @@ CASE_3 = "case 3, pitched, random distances"
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """Images of a flame whose voxels are known, and the equations made of them.
+    """Images of a flame whose voxels are known, and the equations made of them."""
 
-    Attributes
-    ----------
-    truth : (nx, ny, nz) float32
-    system : LinearSystem
-        Of the pixels and voxels that carving left, with midpoints.
-    measured : (pixels,) float32
-    whole : LinearSystem
-        Of all pixels and voxels.
-    images : list of (height, width) float32
-    """
-
-    truth: NDArray[np.float32]
-    system: LinearSystem
-    measured: NDArray[np.float32]
-    whole: LinearSystem
-    images: list[NDArray[np.float32]]
+    truth: NDArray[np.float32]  # (nx, ny, nz)
+    system: LinearSystem  # of the pixels and voxels that carving left, with midpoints
+    measured: NDArray[np.float32]  # (pixels,)
+    whole: LinearSystem  # of all pixels and voxels
+    images: list[NDArray[np.float32]]  # (height, width)
 
     def described(self) -> dict[str, int]:
         """Return how large the case is."""

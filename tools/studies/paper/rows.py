@@ -25,39 +25,21 @@ FULL, HALF, TINY = (
 
 @dataclass(frozen=True)
 class Row:
-    """One training of the published network, or one run of ART.
-
-    Attributes
-    ----------
-    name : str
-    part : str
-        The table that shows it.
-    flame, layout : str
-    noise : float
-        Standard deviation over the images' maximum.
-    settings : PaperSettings
-    epochs, seed : int
-        The seed is that of encoder, first voxels and order of the rays.
-    encoder_of : str
-        The row whose encoder it starts from; empty for a new one.
-    frozen : bool
-        Only the voxels are trained.
-    art : str
-        "best": ART in place of the network, stopped nearest to the truth with the best of four
-        relaxations. "plain": neither relaxed nor stopped. Empty: the network.
-    grid : VoxelGrid
-    """
+    """One training of the published network, or one run of ART."""
 
     name: str
-    part: str
+    part: str  # the table that shows it
     flame: str
     layout: str = CASE_3
-    noise: float = 0.0
+    noise: float = 0.0  # standard deviation over the images' maximum
     settings: PaperSettings = field(default=PaperSettings())
+    # epochs, seed: the seed is that of encoder, first voxels and order of the rays
     epochs: int = EPOCHS
     seed: int = 0
-    encoder_of: str = ""
-    frozen: bool = False
+    encoder_of: str = ""  # the row whose encoder it starts from; empty for a new one
+    frozen: bool = False  # only the voxels are trained
+    # "best": ART in place of the network, stopped nearest to the truth with the best of four
+    # relaxations. "plain": neither relaxed nor stopped. Empty: the network
     art: str = ""
     grid: VoxelGrid = FULL
 

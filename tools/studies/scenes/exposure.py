@@ -26,74 +26,40 @@ VEIL_WIDTH = 0.2
 
 @dataclass(frozen=True)
 class Exposure:
-    """What happens to the light on its way into one image.
+    """What happens to the light on its way into one image."""
 
-    Attributes
-    ----------
-    camera : Camera
-        As it really stands, which may differ from what the rig says.
-    field : Field
-    self_absorption, absorption : float
-        See `studies.scenes.forward.radiance`.
-    absorber : Absorber, optional
-    bending : Bending, optional
-        The same.
-    blur : float
-        Standard deviation of a Gaussian blur, in pixels.
-    motion : int
-        Columns over which the image is smeared.
-    ghost : float
-        Fraction of the light that is seen once more, mirrored and beside itself.
-    veil : float
-        Fraction of the light that is seen once more, scattered widely.
-    vignetting : float
-        Fraction of light lost in the corners; the loss grows with the square of the distance.
-    hidden : float
-        Fraction of the flame's width in the image behind an opaque frame, from the left.
-    framed : float
-        Fraction of the flame's width and height behind an opaque frame, half of it on each side.
-    gain : float
-    background : float
-        Added to every pixel, as a fraction of full scale.
-    gradient : float
-        Background at the image's right edge, as a fraction of full scale; none at its left.
-    hot : (int, float)
-        A column, and what is added to it, as a fraction of full scale.
-    saturation : float
-        Fraction of the image's maximum that is the most it can record; not applied here, since
-        noise comes first.
-    mirrored : str
-        ``""``, ``"across"``, ``"down"`` or ``"both"``: how the stored image is turned over.
-    gamma : float
-        That of the curve along which it is stored in 8 bits; 1: it is stored as it is.
-    dead : str
-        ``"zeros"`` or ``"pedestal"``: the one value that is stored of all pixels.
-    taken_by : int, optional
-        The number of the camera whose file this is: its noise too.
-    """
-
-    camera: Camera
+    camera: Camera  # as it really stands, which may differ from what the rig says
     field: Field
+    # self_absorption, absorption: see `studies.scenes.forward.radiance`
     self_absorption: float = 0.0
     absorption: float = 0.0
     absorber: Absorber | None = None
-    bending: Bending | None = None
-    blur: float = 0.0
-    motion: int = 1
-    ghost: float = 0.0
-    veil: float = 0.0
+    bending: Bending | None = None  # the same
+    blur: float = 0.0  # standard deviation of a Gaussian blur, in pixels
+    motion: int = 1  # columns over which the image is smeared
+    ghost: float = 0.0  # fraction of the light that is seen once more, mirrored and beside itself
+    veil: float = 0.0  # fraction of the light that is seen once more, scattered widely
+    # fraction of light lost in the corners; the loss grows with the square of the distance
     vignetting: float = 0.0
+    # fraction of the flame's width in the image behind an opaque frame, from the left
     hidden: float = 0.0
+    # fraction of the flame's width and height behind an opaque frame, half of it on each side
     framed: float = 0.0
     gain: float = 1.0
-    background: float = 0.0
+    background: float = 0.0  # added to every pixel, as a fraction of full scale
+    # background at the image's right edge, as a fraction of full scale; none at its left
     gradient: float = 0.0
+    # a column, and what is added to it, as a fraction of full scale
     hot: tuple[int, float] = (0, 0.0)
+    # fraction of the image's maximum that is the most it can record; not applied here, since noise
+    # comes first
     saturation: float = 1.0
+    # ``""``, ``"across"``, ``"down"`` or ``"both"``: how the stored image is turned over
     mirrored: str = ""
+    # that of the curve along which it is stored in 8 bits; 1: it is stored as it is
     gamma: float = 1.0
-    dead: str = ""
-    taken_by: int | None = None
+    dead: str = ""  # ``"zeros"`` or ``"pedestal"``: the one value that is stored of all pixels
+    taken_by: int | None = None  # the number of the camera whose file this is: its noise too
 
     @property
     def sight(self) -> tuple[Any, ...]:

@@ -20,50 +20,29 @@ Exposures = tuple[Exposure, ...]
 
 @dataclass(frozen=True)
 class Setting:
-    """Where a fault goes.
+    """Where a fault goes."""
 
-    Attributes
-    ----------
-    view : int
-        The camera at fault, for faults of one camera.
-    size : float
-        How large the fault is, in its own unit.
-    brightest : float
-        The brightest pixel of the faultless images, in the field's unit.
-    random : numpy.random.Generator
-    """
-
-    view: int
-    size: float
-    brightest: float
+    view: int  # the camera at fault, for faults of one camera
+    size: float  # how large the fault is, in its own unit
+    brightest: float  # the brightest pixel of the faultless images, in the field's unit
     random: np.random.Generator
 
 
 @dataclass(frozen=True)
 class Fault:
-    """One kind of fault.
+    """One kind of fault."""
 
-    Attributes
-    ----------
-    names : tuple of tuples of str
-        The effects by which a report may call it, keys of `studies.scenes.findings.EFFECTS`; those
-        of the camera at fault first, of other cameras last.
-    make : callable
-        From the faultless exposures and a `Setting` to the faulty ones.
-    settle, report : (float, float, float)
-        The three sizes of either half, in the unit that ``make`` says.
-    single : bool
-        Whether it is of one camera, or of two, which a report should name.
-    mendable : int
-        How many of its sizes, from the smallest, a correction may mend. Where none can, it is
-        enough to name the fault and not to trust the volume.
-    """
-
+    # the effects by which a report may call it, keys of `studies.scenes.findings.EFFECTS`; those
+    # of the camera at fault first, of other cameras last
     names: tuple[tuple[str, ...], ...]
+    # from the faultless exposures and a `Setting` to the faulty ones
     make: Callable[[Exposures, Setting], Exposures]
+    # settle, report: the three sizes of either half, in the unit that ``make`` says
     settle: tuple[float, float, float]
     report: tuple[float, float, float]
-    single: bool = True
+    single: bool = True  # whether it is of one camera, or of two, which a report should name
+    # how many of its sizes, from the smallest, a correction may mend. Where none can, it is enough
+    # to name the fault and not to trust the volume
     mendable: int = 3
 
 

@@ -77,22 +77,14 @@ class Field(Protocol):
 class KnownField:
     """A member of a family of fields, sized for a grid of cubic voxels.
 
-    Parameters
-    ----------
-    family : str
-        One of `FAMILIES`.
-    seed : int
-        Selects the member; equal seeds give the same field.
-    grid : VoxelGrid
-
     Raises
     ------
     ValueError
         If there is no such family.
     """
 
-    family: str
-    seed: int
+    family: str  # one of `FAMILIES`
+    seed: int  # selects the member; equal seeds give the same field
     grid: VoxelGrid
 
     def __post_init__(self) -> None:
@@ -120,17 +112,10 @@ class KnownField:
 
 @dataclass(frozen=True)
 class LaterField:
-    """A field at another moment: its gas displaced by a smooth random motion.
-
-    Parameters
-    ----------
-    field : KnownField
-    distance : float
-        Root mean square of each component of the displacement, in voxels.
-    """
+    """A field at another moment: its gas displaced by a smooth random motion."""
 
     field: KnownField
-    distance: float
+    distance: float  # root mean square of each component of the displacement, in voxels
 
     @property
     def grid(self) -> VoxelGrid:
@@ -162,20 +147,11 @@ class LaterField:
 
 @dataclass(frozen=True)
 class WithLamp:
-    """A field and a lamp outside of the grid, at the height of its middle.
-
-    Parameters
-    ----------
-    field : KnownField
-    strength : float
-        Peak emission of the lamp.
-    angle : float
-        Where it stands around the axis y, in radians.
-    """
+    """A field and a lamp outside of the grid, at the height of its middle."""
 
     field: KnownField
-    strength: float
-    angle: float
+    strength: float  # peak emission of the lamp
+    angle: float  # where it stands around the axis y, in radians
 
     @property
     def grid(self) -> VoxelGrid:

@@ -23,20 +23,11 @@ class Absorber(Protocol):
 
 @dataclass(frozen=True)
 class Cloud:
-    """A round cloud beside the axis y.
-
-    Parameters
-    ----------
-    grid : VoxelGrid
-    depth : float
-        Optical depth along a line through its middle.
-    angle : float
-        Where it is around the axis y, in radians.
-    """
+    """A round cloud beside the axis y."""
 
     grid: VoxelGrid
-    depth: float
-    angle: float
+    depth: float  # optical depth along a line through its middle
+    angle: float  # where it is around the axis y, in radians
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the extinction at points."""
@@ -49,17 +40,10 @@ class Cloud:
 
 @dataclass(frozen=True)
 class Sheath:
-    """A hollow cylinder around the axis y.
-
-    Parameters
-    ----------
-    grid : VoxelGrid
-    depth : float
-        Optical depth of its wall, once across.
-    """
+    """A hollow cylinder around the axis y."""
 
     grid: VoxelGrid
-    depth: float
+    depth: float  # optical depth of its wall, once across
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
         """Return the extinction at points."""
@@ -80,12 +64,6 @@ class Bending(Protocol):
 class HotCore:
     """A column of hot gas around the axis y, whose index falls towards its middle.
 
-    Parameters
-    ----------
-    grid : VoxelGrid
-    shift : float
-        By how many voxels the ray that is bent most is off where it leaves the grid, about.
-
     Notes
     -----
     The index is ``1 - s exp(-r² / 2 w²)``. A ray that passes the axis at the distance ``w`` is
@@ -93,6 +71,7 @@ class HotCore:
     """
 
     grid: VoxelGrid
+    # by how many voxels the ray that is bent most is off where it leaves the grid, about
     shift: float
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float64]:

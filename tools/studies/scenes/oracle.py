@@ -50,23 +50,15 @@ PASSES = 60
 
 @dataclass(frozen=True)
 class Best:
-    """The best of the list for one scene.
+    """The best of the list for one scene."""
 
-    Attributes
-    ----------
-    name : str
-        Method, strength and basis; ``carved`` where voxels that dark pixels prove empty were left
-        out.
-    nrmse, cosine_distance : float
-        Smallest over the iterations of that method.
-    by_method : mapping of str to float
-        The smallest NRMSE of each method and basis.
-    """
-
+    # method, strength and basis; ``carved`` where voxels that dark pixels prove empty were left
+    # out
     name: str
+    # nrmse, cosine_distance: smallest over the iterations of that method
     nrmse: float
     cosine_distance: float
-    by_method: Mapping[str, float]
+    by_method: Mapping[str, float]  # the smallest NRMSE of each method and basis
 
 
 def best_of(scene: KnownScene, cache: Path | None = None) -> Best:

@@ -36,36 +36,19 @@ CENTER = (1.3, -0.7, 0.4)
 class Recipe:
     """Everything that determines a scene.
 
-    Parameters
-    ----------
-    half : str
-        One of `HALVES`.
-    family : str
-        Of the half's fields.
-    rig : str
-        See `studies.scenes.cameras.rig`.
-    noise : str
-        One of `NOISES`.
-    seed : int
-        Of field, grid, rig, noise and fault.
-    fault : str
-        One of `studies.scenes.faults.KNOWN`; none when empty.
-    size : int
-        0, 1 or 2: which of the fault's sizes.
-
     Raises
     ------
     ValueError
         If there is no such half, noise or fault, or the family or the seed is not of the half.
     """
 
-    half: str
-    family: str
-    rig: str
-    noise: str
-    seed: int
-    fault: str = ""
-    size: int = 0
+    half: str  # one of `HALVES`
+    family: str  # of the half's fields
+    rig: str  # see `studies.scenes.cameras.rig`
+    noise: str  # one of `NOISES`
+    seed: int  # of field, grid, rig, noise and fault
+    fault: str = ""  # one of `studies.scenes.faults.KNOWN`; none when empty
+    size: int = 0  # 0, 1 or 2: which of the fault's sizes
 
     def __post_init__(self) -> None:
         """Check every field."""

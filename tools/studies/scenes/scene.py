@@ -31,28 +31,15 @@ Arrays = dict[str, NDArray]
 
 @dataclass(frozen=True, eq=False)
 class KnownScene:
-    """Images of a known field.
-
-    Attributes
-    ----------
-    recipe : Recipe
-    rig : Rig
-        The cameras as a reconstruction is given them.
-    grid : VoxelGrid
-    images : mapping of str to (height, width)
-        float32, or uint16 with a pedestal that the scan knows as dark.
-    truth : (nx, ny, nz) float32
-        Means of the field over the voxels, in full scales per unit of length.
-    wrong : tuple of str
-        The cameras whose images the fault changed.
-    """
+    """Images of a known field."""
 
     recipe: Recipe
-    rig: Rig
+    rig: Rig  # the cameras as a reconstruction is given them
     grid: VoxelGrid
-    images: Mapping[str, NDArray]
+    images: Mapping[str, NDArray]  # float32, or uint16 with a pedestal that the scan knows as dark
+    # (nx, ny, nz): means of the field over the voxels, in full scales per unit of length
     truth: NDArray[np.float32]
-    wrong: tuple[str, ...] = ()
+    wrong: tuple[str, ...] = ()  # the cameras whose images the fault changed
 
     @property
     def at_fault(self) -> tuple[str, ...]:

@@ -31,30 +31,16 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Trials:
-    """How scenes are run.
+    """How scenes are run."""
 
-    Attributes
-    ----------
-    cache : Path
-        A folder of scenes and oracles, which serve all runs.
-    rows : Path
-        A folder of what this run's scenes came to.
-    options : mapping
-        Fields of `tomo.Options` other than the default's.
-    constants : mapping
-        Constants of modules to other values, see `studies.scenes.patches`.
-    processes : int
-        At work at a time, of one thread each.
-    resume : bool
-        Whether rows that are there are taken as they are.
-    """
-
-    cache: Path
-    rows: Path
+    cache: Path  # a folder of scenes and oracles, which serve all runs
+    rows: Path  # a folder of what this run's scenes came to
+    # fields of `tomo.Options` other than the default's
     options: Mapping[str, Any] = field(default_factory=dict)
+    # constants of modules to other values, see `studies.scenes.patches`
     constants: Mapping[str, Any] = field(default_factory=dict)
-    processes: int = MOST
-    resume: bool = False
+    processes: int = MOST  # at work at a time, of one thread each
+    resume: bool = False  # whether rows that are there are taken as they are
 
     def run(
         self, recipes: Sequence[Recipe], progress: Progress, *, oracle: bool = False

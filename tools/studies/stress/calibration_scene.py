@@ -72,19 +72,11 @@ def _to_the_ends(camera: Camera) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Flame:
-    """What the cameras saw.
-
-    Attributes
-    ----------
-    scan : Scan
-    rig : Rig
-        As the cameras are.
-    truth : (nx, ny, nz) float32
-    """
+    """What the cameras saw."""
 
     scan: Scan
-    rig: Rig
-    truth: NDArray[np.float32]
+    rig: Rig  # as the cameras are
+    truth: NDArray[np.float32]  # (nx, ny, nz)
 
     @classmethod
     def seen(cls, made: SimulatedImages) -> Self:

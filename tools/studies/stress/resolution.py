@@ -56,21 +56,14 @@ def six_rigs(side: int) -> Mapping[str, Rig]:
 
 @dataclass(frozen=True, eq=False)
 class WaveScene:
-    """A smooth blob whose brightness waves of any length modulate, and its way back.
+    """A smooth blob whose brightness waves of any length modulate, and its way back."""
 
-    Attributes
-    ----------
-    grid, fine : VoxelGrid
-        Of the reconstruction, and with voxels half as wide for the images.
-    blob : (fine voxels,) float64
-    projector, fine_projector : ProjectionOperator
-        Of the same pixels. Unknowns of the first are the voxels that the blob reaches.
-    rig : Rig
-    """
-
+    # grid, fine: of the reconstruction, and with voxels half as wide for the images
     grid: VoxelGrid
     fine: VoxelGrid
-    blob: NDArray[np.float64]
+    blob: NDArray[np.float64]  # (fine voxels,)
+    # projector, fine_projector: of the same pixels. Unknowns of the first are the voxels that the
+    # blob reaches
     projector: ProjectionOperator
     fine_projector: ProjectionOperator
     rig: Rig

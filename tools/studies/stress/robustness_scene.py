@@ -34,13 +34,7 @@ Images = list[NDArray[np.float32]]
 
 @dataclass(frozen=True, eq=False)
 class Scene(OfScan):
-    """Images of a known flame.
-
-    Attributes
-    ----------
-    flame : str
-    scan : SimulatedImages
-    """
+    """Images of a known flame."""
 
     flame: str
     scan: SimulatedImages

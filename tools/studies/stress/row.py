@@ -34,37 +34,17 @@ class Chart:
 
 @dataclass(frozen=True)
 class Row:
-    """One stress and its figure.
+    """One stress and its figure."""
 
-    Attributes
-    ----------
-    stress : str
-        What was done to the toolkit.
-    over : str
-        The range it was done over.
-    figure : float
-        The worst that was measured; NaN where nothing came of it.
-    bound : float
-        What it may be at most, or has to be at least.
-    unit : str
-        Of both; "faults" for counts of what must not happen.
-    at_least : bool
-        Whether the figure has to be at least the bound.
-    note : str
-        Where it was worst, or why the bound is right to fail.
-    chart : Chart, optional
-    lines : mapping of str to sequence of mapping
-        Lines of plain data for other tables of the part, by the table's name.
-    """
-
-    stress: str
-    over: str
-    figure: float
-    bound: float
-    unit: str = ""
-    at_least: bool = False
-    note: str = ""
+    stress: str  # what was done to the toolkit
+    over: str  # the range it was done over
+    figure: float  # the worst that was measured; NaN where nothing came of it
+    bound: float  # what it may be at most, or has to be at least
+    unit: str = ""  # of both; "faults" for counts of what must not happen
+    at_least: bool = False  # whether the figure has to be at least the bound
+    note: str = ""  # where it was worst, or why the bound is right to fail
     chart: Chart | None = None
+    # lines of plain data for other tables of the part, by the table's name
     lines: Mapping[str, Sequence[dict[str, Any]]] = field(default_factory=dict)
 
     @classmethod

@@ -29,21 +29,12 @@ SMOOTHING = ("curvature", "tikhonov", "tv")
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """A rig, its grid, and what is seen there.
-
-    Attributes
-    ----------
-    simulated : SimulatedImages
-    system : LinearSystem
-    on_the_fly : ProjectionOperator
-        The same matrix as the system's.
-    measured : (pixels,) float32
-    """
+    """A rig, its grid, and what is seen there."""
 
     simulated: SimulatedImages
     system: LinearSystem
-    on_the_fly: ProjectionOperator
-    measured: NDArray[np.float32]
+    on_the_fly: ProjectionOperator  # the same matrix as the system's
+    measured: NDArray[np.float32]  # (pixels,)
 
     @property
     def stored(self) -> ProjectionOperator:

@@ -40,20 +40,11 @@ CHILD = "studies.stress.threads"
 
 @dataclass(frozen=True, eq=False)
 class Made:
-    """What one process made.
-
-    Attributes
-    ----------
-    threads : int
-    hashes : mapping of str to str
-        By name, the SHA-256 of every result.
-    volume : (nx, ny, nz) float32
-        Of the default method or of WERNet.
-    """
+    """What one process made."""
 
     threads: int
-    hashes: Mapping[str, str]
-    volume: NDArray[np.float32]
+    hashes: Mapping[str, str]  # by name, the SHA-256 of every result
+    volume: NDArray[np.float32]  # (nx, ny, nz): of the default method or of WERNet
 
 
 def run(request: Request) -> Tables:

@@ -24,28 +24,15 @@ SHAPE, SPACING, SHRINK = (30, 140, 30), 0.5, 2
 
 @dataclass(frozen=True, eq=False)
 class TrustScene:
-    """A flame, its images without noise, and one noisy set reconstructed by default.
-
-    Attributes
-    ----------
-    name, noise : str
-    clean : SimulatedImages
-    problem : Problem
-        Of the noisy images.
-    choice : Choice
-        Of the default method.
-    volume : (nx, ny, nz) float32
-    seed : int
-        Of the noise of that set, and of the sets that `repeated` gives.
-    """
+    """A flame, its images without noise, and one noisy set reconstructed by default."""
 
     name: str
     noise: str
     clean: SimulatedImages
-    problem: Problem
-    choice: Choice
-    volume: NDArray[np.float32]
-    seed: int
+    problem: Problem  # of the noisy images
+    choice: Choice  # of the default method
+    volume: NDArray[np.float32]  # (nx, ny, nz)
+    seed: int  # of the noise of that set, and of the sets that `repeated` gives
 
     @property
     def solve(self) -> Solve:
