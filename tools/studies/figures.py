@@ -60,13 +60,7 @@ def with_run(figures: Figures, run: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def with_tables(text: str, figures: Figures, where: str) -> str:
-    """Return a page with its tables as the figures have them.
-
-    Raises
-    ------
-    ValueError
-        If a table, a column or a row is not there.
-    """
+    """Return a page with its tables as the figures have them; all that it names must be there."""
 
     def filled(place: re.Match) -> str:
         address, columns, *chosen = (part.strip() for part in place[2].split(";"))

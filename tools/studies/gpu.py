@@ -17,7 +17,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
-from studies.benchmark.gpu import COLUMNS, SIZES, check, run  # noqa: E402
+from studies.benchmark.gpu import SIZES, check, run  # noqa: E402
 from studies.common.page import markdown, said  # noqa: E402
 from studies.common.study import Request  # noqa: E402
 from tomo.operators.gpu import CudaDevice  # noqa: E402
@@ -59,7 +59,7 @@ def main() -> int:
     tables = run(request)
     for name, rows in tables.items():
         if rows:
-            said(f"\n**{name}**\n\n{markdown(rows, COLUMNS[name])}")
+            said(f"\n**{name}**\n\n{markdown(rows)}")
     wrong = [row for row in tables["errors"] if not row["holds"]]
     return failed or int(bool(wrong))
 

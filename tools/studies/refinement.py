@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -26,7 +26,7 @@ from rigs import Rig, box_points, ray_miss
 from studies.benchmark.plume import LOWER, SCAN, UPPER
 from studies.common.poses import disturbed
 from studies.common.scans import reconstructed, simulated_by
-from studies.common.study import Progress, Request, Tables
+from studies.common.study import Request, Tables
 from tomo import VoxelGrid, load_scan
 from tomo.simulation.effects import Effects
 
@@ -44,35 +44,26 @@ SEEDS = 4
 SPREAD = 0.1
 NOISES = (0.0, 0.005, 0.05)  # of the brightest pixel
 
-COLUMNS = {
-    "disturbed_rigs": "seed before_pixels after_pixels accepted seconds",
-    "true_rigs": "seed before_pixels after_pixels accepted seconds",
-    "gains": "noise seeds spread worst_error nrmse_equal nrmse",
-}
-
 
 def run(request: Request) -> Tables:
     """Refine rigs that are wrong, rigs that are right, and the plume's."""
-    full, progress = request.size == "full", request.progress
-    seeds = range(request.seed + 1, request.seed + 1 + (SEEDS if full else 1))
+    count = SEEDS if request.size == "full" else 1
+    seeds = range(request.seed + 1, request.seed + 1 + count)
     tables: Tables = {
-        "disturbed_rigs": rigs_refined(seeds, progress, error=ERROR, tiny=not full),
-        "true_rigs": rigs_refined(seeds, progress, error=0.0, tiny=not full),
-        "gains": gains(seeds[:GAIN_SEEDS], progress, tiny=not full),
+        "disturbed_rigs": rigs_refined(request, seeds, ERROR),
+        "true_rigs": rigs_refined(request, seeds, 0.0),
+        "gains": gains(request, seeds[:GAIN_SEEDS]),
     }
     if request.data is not None and (request.data / SCAN).is_file():
-        tables["plume"] = plume(request.data, progress, tiny=not full)
+        tables["plume"] = plume(request, request.data)
     return tables
 
 
-def rigs_refined(
-    seeds: Iterable[int], progress: Progress, *, error: float, tiny: bool = False
-) -> list[dict[str, Any]]:
+def rigs_refined(request: Request, seeds: Sequence[int], error: float) -> list[dict[str, Any]]:
     """Return ray-miss before and after refining rigs whose poses are so wrong, a row a seed."""
-    true, grid, footprint = _seen(tiny)
-    rows, seeds = [], list(seeds)
-    for number, seed in enumerate(seeds):
-        progress(number, len(seeds), f"poses {error:g} px wrong, seed {seed}")
+    true, grid, footprint = _seen(request)
+    rows = []
+    for seed in request.each(seeds, f"poses {error:g} px wrong, seed {{}}".format):
         scan = simulated_by(true, grid, ("turbulent", seed), supersample=3, noise=NOISE, seed=seed)
         given = disturbed(true, grid, seed, error)
         wrong = replace(scan, rig=given)
@@ -82,24 +73,16 @@ def rigs_refined(
         rig = found.refined_rig or given
         points = box_points(grid.lower, grid.upper, POINTS)
         before, after = (ray_miss(true, one, points) / footprint for one in (given, rig))
-        rows.append(
-            {
-                "seed": seed,
-                "before_pixels": before,
-                "after_pixels": after,
-                "accepted": found.refinement["accepted"],
-                "seconds": seconds,
-            }
-        )
+        row = {"seed": seed, "before_pixels": before, "after_pixels": after}
+        rows.append(row | {"accepted": found.refinement["accepted"], "seconds": seconds})
     return rows
 
 
-def gains(seeds: Sequence[int], progress: Progress, *, tiny: bool = False) -> list[dict[str, Any]]:
+def gains(request: Request, seeds: Sequence[int]) -> list[dict[str, Any]]:
     """Return how well the default finds gains, a row a noise: means over the seeds."""
-    true, grid, _ = _seen(tiny)
+    true, grid, _ = _seen(request)
     effects, rows = Effects(gain_spread=SPREAD), []
-    for number, noise in enumerate(NOISES):
-        progress(number, len(NOISES), f"gains, noise {noise:g}")
+    for noise in request.each(NOISES, "gains, noise {:g}".format):
         found: dict[str, list[float]] = {"spread": [], "worst_error": []}
         for seed in seeds:
             how = {"supersample": 3, "noise": noise, "seed": seed}
@@ -118,8 +101,9 @@ def gains(seeds: Sequence[int], progress: Progress, *, tiny: bool = False) -> li
     return rows
 
 
-def _seen(tiny: bool) -> tuple[Rig, VoxelGrid, float]:
+def _seen(request: Request) -> tuple[Rig, VoxelGrid, float]:
     """Return the true rig, the grid, and the width of a pixel."""
+    tiny = request.size != "full"
     grid = VoxelGrid((16, 40, 16), 0.8) if tiny else VoxelGrid((30, 140, 30), 0.5)
     size, footprint = ((40, 64), 0.6) if tiny else ((100, 200), 0.4)
     pitch = [12, -12] * (VIEWS // 2)
@@ -127,11 +111,12 @@ def _seen(tiny: bool) -> tuple[Rig, VoxelGrid, float]:
     return rigs.ring(VIEWS, distance=400, **how), grid, footprint
 
 
-def plume(folder: Path, progress: Progress, *, tiny: bool = False) -> list[dict[str, Any]]:
-    """Return how well each camera of the plume is predicted from the four others.
+def plume(request: Request, folder: Path) -> list[dict[str, Any]]:
+    """Return how well each camera of the plume is predicted from the others, a row a frame too.
 
-    A row a camera and frame; the rig refined on the first frame is judged on it and on the second.
+    The rig refined on the first frame is judged on it and on the second.
     """
+    tiny = request.size != "full"
     scan = load_scan(folder / SCAN)
     cameras = (
         replace(camera, status="nominal" if camera.name in NOMINAL else "calibrated")
@@ -143,8 +128,7 @@ def plume(folder: Path, progress: Progress, *, tiny: bool = False) -> list[dict[
     first, second = scan.frame_names[:2]
     rows = []
     names = scan.rig.names[: 2 if tiny else None]
-    for number, name in enumerate(names):
-        progress(number, len(names), f"plume without {name}")
+    for name in request.each(names, "plume without {}".format):
         chosen = [camera for camera in NOMINAL if camera != name]
         how = {"hold_out": [name], "peak": 1.0}
         found = reconstructed(scan.scaled(shrink), grid, frame=first, refine_cameras=chosen, **how)

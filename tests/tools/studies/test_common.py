@@ -11,8 +11,6 @@ from studies.common import page, timing
 from studies.common.study import Study, command
 from typer.testing import CliRunner
 
-COLUMNS = {"rows": "what found holds", "hidden": ""}
-
 
 @pytest.fixture
 def study(monkeypatch):
@@ -22,7 +20,7 @@ def study(monkeypatch):
         for name, run in parts.items():
             module = types.ModuleType(f"made_up.{name}")
             module.__doc__ = f"What {name} is\nabout."
-            module.run, module.COLUMNS = run, COLUMNS
+            module.run = run
             monkeypatch.setitem(sys.modules, f"made_up.{name}", module)
         listed = {name: (name.title(), f"made_up.{name}") for name in parts}
         app = command(Study("study", "A study.", listed, ("full", "quick")))
@@ -68,14 +66,13 @@ def test_only_what_is_asked_runs_with_what_was_asked(study, tmp_path):
 
     def noted(request):
         requests.append(request)
-        return {"hidden": [{"found": 1.0}]}
+        return {"rows": [{"found": 1.0}]}
 
     run = study(first=rows(9.0), second=noted)
     asked = ("--size", "quick", "--seed", 3, "--data", tmp_path)
     assert run("-o", tmp_path, "--part", "second", *asked).exit_code == 0
     (request,) = requests
     assert (request.size, request.seed, request.data) == ("quick", 3, tmp_path)
-    assert "hidden" not in (tmp_path / "study.md").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

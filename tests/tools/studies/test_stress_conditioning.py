@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from studies.stress import conditioning, geometry, stops
+from studies.stress import conditioning, geometry
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
 
@@ -28,11 +28,11 @@ def test_rows_of_rigs_hold():
 
 
 def test_the_error_turns_and_the_chosen_stop_is_near_its_lowest():
-    methods = stops._methods(60)
+    methods = conditioning._methods(60)
     errors = np.array(methods.chart.curves["cgls"])[:, 1]
     assert errors.argmin() < 20
     assert errors[-1] > 2 * errors.min()
-    assert stops._chosen([(0.1, 9)]).holds
+    assert conditioning._chosen([(0.1, 9)]).holds
 
 
 def test_rows_of_focus_hold():

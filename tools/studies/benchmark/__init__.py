@@ -17,7 +17,7 @@ STUDY = Study(
         "scaling": ("Growth with grid and views", "studies.benchmark.scaling"),
         "startup": ("Start-up and first use", "studies.benchmark.startup"),
         "mismatch": ("Physics that solvers do not know", "studies.benchmark.mismatch"),
-        "learned": ("Optics without a formula", "studies.benchmark.learned"),
+        "learned": ("Optics without a formula", "studies.scenes.learned"),
         "training": ("Training WERNet", "studies.benchmark.training"),
         "optics": ("Flames behind optics", "studies.optics.study"),
         "calibration": ("Calibration against known rigs", "studies.calibration.study"),

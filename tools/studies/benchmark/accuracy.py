@@ -28,21 +28,16 @@ edges, and blur as much as a quarter of what voxels do."""
 
 SEEDS = 2
 
-COLUMNS = {
-    "accuracy": "flame views noise seeds cosine_distance nrmse seconds whole_seconds "
-    "whole_cpu_seconds voxel_cosine_distance best_classical best_classical_cosine_distance",
-}
-
 
 def run(request: Request) -> Tables:
     """Return a row a flame, number of views and noise."""
     sizes = SIZES[request.size]
     finer = replace(sizes.shown, refine=REFINE)
-    cases = [*itertools.product(sizes.seeds[:SEEDS], sizes.flames, RIGS, NOISES)]
-    rows = []
-    for number, (seed, flame, views, noise) in enumerate(cases):
-        request.progress(number, len(cases), f"accuracy, {flame}, {views} views, {noise}")
-        rows.append(_row(scene(flame, views, noise, seed, finer), sizes.passes))
+    cases = itertools.product(sizes.seeds[:SEEDS], sizes.flames, RIGS, NOISES)
+    rows = [
+        _row(scene(flame, views, noise, seed, finer), sizes.passes)
+        for seed, flame, views, noise in request.each(cases, "accuracy, {0[1]}, {0[2]}".format)
+    ]
     return {"accuracy": means(rows, "flame", "views", "noise")}
 
 

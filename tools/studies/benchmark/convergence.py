@@ -59,22 +59,9 @@ def converged(
 ) -> Convergence:
     """Run a method until it gets no better for `PATIENCE` passes; judge it after each.
 
-    Parameters
-    ----------
-    problem : Problem
-    truth : (nx, ny, nz) float32
-    method : str
-        One of `tomo.solvers.METHODS`.
-    settings : mapping
-        Its further arguments.
-    passes : int
-        The most.
-    width : float
-        Of the blobs of a `tomo.operators.GaussianBasis`, in voxels; the voxel basis when 0.
-    least_passes : int
-        As many are done whatever comes of them, for methods that change on their way.
-    by_nrmse : bool
-        Whether the NRMSE, not the cosine distance, says what is better.
+    ``width``, in voxels, is that of the blobs of a `tomo.operators.GaussianBasis`; 0: voxels.
+    ``least_passes`` are done whatever comes of them, for methods that change on their way.
+    ``by_nrmse``: the NRMSE, not the cosine distance, says what is better.
     """
     reached: list[tuple[float, float, float]] = []
     projector = problem.system.projector

@@ -44,13 +44,6 @@ PLUME_BOX = (64, 96, 64), (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
 REPEATS = 5
 ALIKE = 10  # runs whose bits are compared
 
-COLUMNS = {
-    "errors": "what found expected holds",
-    "rates": "what product voxels views seconds gray_per_second crossings_per_second issue_share",
-    "solves": "what where seconds gigabytes",
-    "film": "where frames milliseconds_a_frame off",
-}
-
 
 @dataclass(frozen=True)
 class Size:
@@ -75,13 +68,7 @@ SIZES = {
 
 
 def check(request: Request) -> None:
-    """Refuse to run without the device that is asked for.
-
-    Raises
-    ------
-    ValueError
-        In one line that says what is missing.
-    """
+    """Refuse to run without the device that is asked for."""
     if device_for(request.device, math.inf)[0] is None:
         raise ValueError(f"device: found {request.device!r}, expected cuda or cuda:N")
 
@@ -200,10 +187,7 @@ def _of_diffct(
 
 
 def instructions(kernel: str) -> float | None:
-    """Return the instructions of a crossing: two thirds of the loop over all three axes.
-
-    None where there is no compiler for CUDA's code.
-    """
+    """Return a crossing's instructions, 2/3 of the loop over all axes; None without a compiler."""
     ptx = compiled(source(np.float32))
     return None if ptx is None else 2 / 3 * len(innermost_loop(body_of(ptx, kernel)))
 
@@ -270,10 +254,7 @@ def large_solve(device: Device, voxels: int, views: int, pixels: int) -> list[Ro
 
 
 def film(data: Path | None, name: str, frames: int) -> list[Row]:
-    """Return the time of a frame of the plume once the first block is done, and the difference.
-
-    Nothing where ``data`` has no such film.
-    """
+    """Return a frame's time once the first block is done, and the volumes' relative difference."""
     if data is None or not (data / PLUME).is_dir():
         return []
     folder = data / PLUME

@@ -181,22 +181,16 @@ def _fine_volume(flame: str, seed: int, size: FlameSize) -> NDArray[np.float32]:
 
 SEEDS = 1
 
-COLUMNS = {
-    "mismatch": "effect flame noise seeds classic classic_pass classic_cosine_distance "
-    "classic_nrmse classic_seconds informed_cosine_distance wernet_cosine_distance wernet_nrmse "
-    "wernet_seconds informed_of_classic wernet_of_classic",
-}
-
 
 def run(request: Request) -> Tables:
     """Return a row an effect, flame and noise: means over the seeds."""
     sizes = SIZES[request.size]
     effects = sizes.effects or tuple(EFFECTS)
-    order = list(itertools.product(effects, sizes.flames, NOISES, sizes.seeds[:SEEDS]))
-    rows = []
-    for number, scene in enumerate(order):
-        request.progress(number, len(order), "{}, {}, {}, seed {}".format(*scene))
-        rows.append(mismatch_row(*scene, sizes.flame, sizes.passes))
+    order = itertools.product(effects, sizes.flames, NOISES, sizes.seeds[:SEEDS])
+    rows = [
+        mismatch_row(*scene, sizes.flame, sizes.passes)
+        for scene in request.each(order, "{0[0]}, {0[1]}, {0[2]}, seed {0[3]}".format)
+    ]
     return {"mismatch": with_ratios(rows)}
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from studies.common.scans import reconstructed, seconds_of
-from studies.common.study import Progress, Request, Tables
+from studies.common.study import Request, Tables
 from tomo import Scan, VoxelGrid, load_scan
 
 SCAN = Path("scalarflow") / "transforms.json"
@@ -28,22 +28,13 @@ WAYS: Mapping[str, Mapping[str, Any]] = {
 
 LOWER, UPPER = (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
 
-COLUMNS = {
-    "plume": "frame held_out way psnr ssim seconds trace_seconds solve_seconds segments "
-    "live_voxels method",
-}
-
 
 def run(request: Request) -> Tables:
     """Return both frames' five leave-one-out views; with fewer sizes one frame's two."""
     if request.data is None or not (request.data / SCAN).is_file():
         return {"plume": []}
-    return {"plume": plume(request.data, request.size == "full", request.progress)}
-
-
-def plume(folder: Path, full: bool, progress: Progress) -> list[dict[str, Any]]:
-    """Return a row a frame, camera and way of the plume in a folder."""
-    scan = load_scan(folder / SCAN).scaled(6 if full else 12)
+    full = request.size == "full"
+    scan = load_scan(request.data / SCAN).scaled(6 if full else 12)
     grid = VoxelGrid.from_bounds((64, 96, 64) if full else (32, 48, 32), LOWER, UPPER)
     frames = scan.frame_names if full else scan.frame_names[-1:]
     cameras = scan.rig.names if full else [JUDGED, scan.rig.names[0]]
@@ -52,27 +43,19 @@ def plume(folder: Path, full: bool, progress: Progress) -> list[dict[str, Any]]:
         for frame, camera, way in itertools.product(frames, cameras, WAYS)
         if camera == JUDGED or WAYS[way].get("skip", True)
     ]
-    rows = []
-    for number, case in enumerate(cases):
-        progress(number, len(cases), f"plume, {case[0]} without {case[1]}")
-        rows.append(_predicted(scan, grid, *case))
-    return rows
+    said = "plume, {0[0]} without {0[1]}".format
+    return {"plume": [_predicted(scan, grid, *case) for case in request.each(cases, said)]}
 
 
 def _predicted(scan: Scan, grid: VoxelGrid, frame: str, camera: str, way: str) -> dict[str, Any]:
     how = {"frame": frame, "hold_out": [camera], "peak": 1.0, **WAYS[way]}
     outcome = reconstructed(scan, grid, **how)
-    report = outcome.report()
-    figures = {key: report["held_out"][camera][key] for key in ("psnr", "ssim", "cosine")}
     return {
         "frame": frame,
         "held_out": camera,
         "way": way,
-        **figures,
+        **outcome.report()["held_out"][camera],
         "seconds": seconds_of(outcome),
-        "trace_seconds": outcome.seconds["trace"],
-        "solve_seconds": outcome.seconds["solve"],
         "segments": outcome.counts["segments"],
         "live_voxels": outcome.counts["active_voxels"],
-        "method": report["method"],
     }

@@ -12,7 +12,7 @@ import json
 import statistics
 import sys
 import time
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
@@ -20,14 +20,10 @@ import psutil
 
 from rigs import Rig, ring
 from studies.benchmark.sizes import SIZES
-from studies.common.axes import curves
 from studies.common.study import Request, Tables
 from studies.common.timing import forget_the_peak, in_fresh_process, peak_resident
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.operators import STORED, estimate_memory
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 
 def cameras(views: int, pixels: int, grid: VoxelGrid) -> Rig:
@@ -89,16 +85,6 @@ VIEWS = 12
 SHARE = 0.6
 """Fraction of the free memory that a case may take by estimate; larger ones are left out."""
 
-_GROWTH = (
-    "form edge views segments trace_seconds forward_seconds adjoint_seconds peak_bytes "
-    "needed_bytes over_needed"
-)
-COLUMNS = {
-    "with_the_grid": _GROWTH,
-    "with_views": _GROWTH,
-    "memory_target": f"{_GROWTH} solver_over_needed",
-}
-
 
 def run(request: Request) -> Tables:
     """Return ``with_the_grid``, ``with_views`` and ``memory_target``."""
@@ -116,15 +102,11 @@ def run(request: Request) -> Tables:
     edge, views, pixels = sizes.large
     target = {"edge": edge, "views": views, "pixels": pixels, "form": FORMS[0], "solver": "sirt"}
     asked = {"with_the_grid": by_edge, "with_views": by_views, "memory_target": [target]}
-    total, done = len(by_edge) + len(by_views) + 1, 0
-    tables: Tables = {}
-    for table, cases in asked.items():
-        tables[table] = []
-        for case in cases:
-            request.progress(done, total, f"{case['edge']}^3, {case['views']} views")
-            done += 1
-            if not _too_large(case):
-                tables[table].append(_measured(case, min(sizes.repeats, 3)))
+    tables: Tables = {table: [] for table in asked}
+    jobs = [(table, case) for table, cases in asked.items() for case in cases]
+    for table, case in request.each(jobs, "{0[1][edge]}^3, {0[1][views]} views".format):
+        if not _too_large(case):
+            tables[table].append(_measured(case, min(sizes.repeats, 3)))
     return tables
 
 
@@ -144,7 +126,7 @@ def _too_large(case: dict[str, Any]) -> bool:
     return need.nbytes > SHARE * psutil.virtual_memory().available
 
 
-def _drawn(tables: Tables) -> Figure | None:
+def _panels(tables: Tables) -> tuple[dict[str, dict[str, list]], str, str]:
     """Return seconds, and peak memory, against the grid's edge."""
     times: dict[str, list] = {}
     memory: dict[str, list] = {}
@@ -157,10 +139,10 @@ def _drawn(tables: Tables) -> Figure | None:
         )
         needed = row["edge"], row["needed_bytes"] / 1e6
         memory.setdefault("images + 2 volumes", []).append(needed)
-    return curves({"seconds": times, "memory (MB)": memory}, "edge", "") if times else None
+    return {"seconds": times, "memory (MB)": memory}, "edge", ""
 
 
-PLOTS = {"scaling_edge": _drawn}
+PLOTS = {"scaling_edge": _panels}
 
 
 if __name__ == "__main__":

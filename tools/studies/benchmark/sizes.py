@@ -16,7 +16,6 @@ class Sizes:
     flames: tuple[str, ...]
     seeds: tuple[int, ...]  # of flames and noises reported; settings are tuned on seed 0
     passes: int  # the most over the images that a solver is given
-    settings: int  # the most of a method that are tried on seed 0
     repeats: int  # of timings that a median is taken of
     effects: tuple[str, ...]  # of `studies.benchmark.mismatch.EFFECTS`; all if empty
     training_steps: int  # of 3200 rays each before any is skipped
@@ -38,7 +37,6 @@ SIZES = {
         flames=("jet", "turbulent"),
         seeds=(1, 2),
         passes=40,
-        settings=2,
         repeats=3,
         effects=(),
         training_steps=5,
@@ -58,7 +56,6 @@ SIZES = {
         flames=("jet", "turbulent"),
         seeds=(1,),
         passes=20,
-        settings=2,
         repeats=3,
         effects=("gains + absorption",),
         training_steps=1,
@@ -78,7 +75,6 @@ SIZES = {
         flames=("jet",),
         seeds=(1,),
         passes=6,
-        settings=2,
         repeats=1,
         effects=("gains", "all"),
         training_steps=1,

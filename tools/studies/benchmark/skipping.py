@@ -21,19 +21,13 @@ REACHED = 1e-3  # cosine distance whose time is measured
 METHODS = ("nnls", "auto")
 SEED = 1
 
-COLUMNS = {
-    "skipping": "flame method skip segments live_voxels prepare_seconds seconds_to_1e3 "
-    "seconds cosine_distance nrmse",
-}
-
 
 def run(request: Request) -> Tables:
     """Return a row for each flame, noise, method, and skipping on and off."""
     sizes = SIZES[request.size]
-    cases = list(itertools.product(sizes.flames, METHODS))
+    cases = itertools.product(sizes.flames, METHODS)
     rows = []
-    for number, (flame, method) in enumerate(cases):
-        request.progress(number, len(cases), f"{flame}, {method}")
+    for flame, method in request.each(cases, ", ".join):
         seen = scene(flame, 33, "clean", SEED, sizes.shown)
         if method == "auto":
             rows += [_default(seen, skip) for skip in (True, False)]

@@ -11,18 +11,15 @@ from __future__ import annotations
 import inspect
 import itertools
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from functools import partial
+from typing import Any
 
 from studies.benchmark.convergence import Convergence, converged, means
 from studies.benchmark.sizes import SIZES, Sizes
-from studies.common.axes import curves
 from studies.common.flames import NOISES, RIGS, Scene, scene
 from studies.common.scans import Problem, problem, reconstructed, seconds_of
 from studies.common.study import Request, Tables
 from tomo import solvers
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
 
 BASELINE, AUTO = "art", "auto"
 
@@ -36,22 +33,19 @@ TRIED: Mapping[str, Mapping[str, tuple]] = {
     "tikhonov": {"strength": (1e-3, 1e-2, 1e-4, 1e-1)},
     "tv": {"strength": (0.005, 0.02, 0.001, 0.0002)},
 }
-"""Settings tried on seed 0, the likeliest first."""
+"""Settings of which `SETTINGS` are tried on seed 0, the likeliest first."""
 
-COLUMNS = {
-    "solvers": "flame views noise method settings seeds cosine_distance "
-    "nrmse of_best_art best_pass seconds prepare_seconds",
-}
+SETTINGS = 2
 
 
 def run(request: Request) -> Tables:
     """Return a row a flame, number of views, noise and method: means over the seeds."""
     sizes = SIZES[request.size]
-    scenes = list(itertools.product(sizes.flames, (0, *sizes.seeds), RIGS, NOISES))
+    scenes = itertools.product(sizes.flames, (0, *sizes.seeds), RIGS, NOISES)
     settings: dict[tuple, dict[str, Mapping[str, Any]]] = {}
     runs: list[dict[str, Any]] = []
-    for number, (flame, seed, views, noise) in enumerate(scenes):
-        request.progress(number, len(scenes), f"{flame}, {views} views, {noise}, seed {seed}")
+    said = "{0[0]}, {0[2]} views, {0[3]}, seed {0[1]}".format
+    for flame, seed, views, noise in request.each(scenes, said):
         seen = scene(flame, views, noise, seed, sizes.flame)
         images = seen.scan.rig, seen.scan.grid, seen.images
         skipped, plain = (problem(*images, skip=skip) for skip in (True, False))
@@ -94,7 +88,7 @@ def with_ratios(runs: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
 
 def _tuned(method: str, ready: Problem, seen: Scene, sizes: Sizes) -> dict[str, Any]:
     """Return the settings that come nearest to the truth of seed 0, best-stopped."""
-    tried = settings_of(method, sizes.settings)
+    tried = settings_of(method, SETTINGS)
     if len(tried) == 1:
         return tried[0]
     truth, passes = seen.scan.truth, sizes.passes
@@ -132,17 +126,13 @@ def _default(seen: Scene) -> dict[str, Any]:
     }
 
 
-def _drawn(tables: Tables, flame: str) -> Figure | None:
+def _panels(tables: Tables, flame: str) -> tuple[dict[str, dict[str, Any]], str, str]:
     panels: dict[str, dict[str, Any]] = {}
     for row in tables["solvers"]:
         if row["flame"] == flame:
             title = f"{flame}, {row['views']} views, {row['noise']}"
             panels.setdefault(title, {})[row["method"]] = row["curves"]
-    x = "seconds since the images were in memory"
-    return curves(panels, x, "cosine distance") if panels else None
+    return panels, "seconds since the images were in memory", "cosine distance"
 
 
-PLOTS = {
-    "solvers_jet": lambda tables: _drawn(tables, "jet"),
-    "solvers_turbulent": lambda tables: _drawn(tables, "turbulent"),
-}
+PLOTS = {f"solvers_{flame}": partial(_panels, flame=flame) for flame in ("jet", "turbulent")}

@@ -23,8 +23,6 @@ from studies.common.timing import LIMIT, TOOLS
 
 CACHE = "NUMBA_CACHE_DIR"
 
-COLUMNS = {"startup": "what empty warm"}
-
 
 def kernels() -> None:
     """Trace and project in both forms, and run one iteration of every solver."""
@@ -60,8 +58,7 @@ def run(request: Request) -> Tables:
     with tempfile.TemporaryDirectory() as folder:
         scan = Path(folder) / "scan"
         scene("jet", 11, "clean", 0, SIZES["tiny"].flame).scan.save(scan)
-        for number, what in enumerate(CODE):
-            request.progress(number, len(CODE), what)
+        for what in request.each(CODE, str):
             afresh = what in sizes.afresh
             own = {CACHE: str(Path(folder) / what)} if afresh else {}
             empty = _seconds(what, scan, own) if afresh else None

@@ -37,16 +37,9 @@ RAYS_A_STEP = 3200  # the paper's 32 samples of 100
 SEED = 1
 
 
-COLUMNS = {
-    "training": "variant layout skip device rays segments timed_rays seconds epoch_seconds "
-    "times_faster",
-}
-
-
 def run(request: Request) -> Tables:
     """Return a row for each encoder and form."""
     sizes = SIZES[request.size]
-    request.progress(0, len(VARIANTS), "the jet's equations")
     seen = scene("jet", 33, "clean", SEED, sizes.flame)
     (every, pixels), (lit, lit_pixels) = (problem_of(seen, skip) for skip in (False, True))
     crossing = np.flatnonzero(every.system.projector.row_sums > 0)
@@ -55,8 +48,7 @@ def run(request: Request) -> Tables:
     kept = random.permutation(np.flatnonzero(np.isin(lit_pixels, pixels[drawn])))
     work = {False: (every, torch.from_numpy(drawn)), True: (lit, torch.from_numpy(kept))}
     rows: list[dict[str, Any]] = []
-    for number, variant in enumerate(VARIANTS):
-        request.progress(number, len(VARIANTS), variant)
+    for variant in request.each(VARIANTS, str):
         rows += _compared(variant, work, sizes.repeats)
     return {"training": rows}
 
@@ -116,9 +108,6 @@ def _trainer(
             return training.use(numbers, map_parts)
 
     return train
-
-
-RAYS_A_STEP, SEED = 3200, 1
 
 
 class PlainWERNet(nn.Module):

@@ -36,15 +36,8 @@ def curves(
 ) -> Figure:
     """Return panels of curves on logarithmic axes, with one legend above.
 
-    Parameters
-    ----------
-    panels : mapping of str to mapping
-        By title, the points of each curve by name; those not above zero are not drawn.
-    x, y : str
-        Words along the axes.
-    most_abreast : int
-    marks : mapping of str to str, optional
-        Names that are shown as large dark markers of that form, without lines.
+    ``panels`` have by title the points of each curve by name; those not above zero are not drawn.
+    Names in ``marks`` are shown as large dark markers of that form, without lines.
     """
     marks = marks or {}
     abreast = min(len(panels), most_abreast)

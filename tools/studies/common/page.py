@@ -27,29 +27,29 @@ def page(study: Study, result: Mapping[str, Any]) -> str:
         f"Python {machine['versions']['python']}, numba {machine['versions'].get('numba', '?')}.",
     ]
     for name, record in result["parts"].items():
-        module, (title, _) = study.module(name), study.parts[name]
+        title = study.parts[name][0]
         took, busy = (significant(record[key], 2) for key in ("seconds", "load_at_start"))
         lines += ["", f"## {title}", "", study.about(name)]
         lines += ["", f"`--part {name}` took {took} s; the load was {busy} at its start."]
         for picture in record["pictures"]:
             lines += ["", f"![{title}]({picture})"]
-        for table, rows in record["tables"].items():
-            if rows and module.COLUMNS.get(table, "all"):
-                lines += ["", f"**{table.replace('_', ' ')}**", ""]
-                lines += [markdown(rows, module.COLUMNS.get(table))]
+        lines += sections(record["tables"])
     return "\n".join(lines) + "\n"
 
 
-def markdown(rows: Sequence[Row], keys: str | None = None) -> str:
-    """Return a Markdown table.
+def sections(tables: Mapping[str, Sequence[Row]]) -> list[str]:
+    """Return the lines of tables, each below its name; none of those without rows."""
+    found = []
+    for name, rows in tables.items():
+        if rows:
+            found += ["", f"**{name.replace('_', ' ')}**", "", markdown(rows)]
+    return found
 
-    Parameters
-    ----------
-    rows : sequence of mapping
-    keys : str, optional
-        The columns, a space between two; all that hold numbers or words when None.
-    """
-    columns = keys.split() if keys else _scalar_keys(rows)
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return a Markdown table of all columns that hold numbers or words."""
+    scalars = {k: None for row in rows for k, value in row.items() if not isinstance(value, list)}
+    columns = list(scalars)
     cells = [[cell(row.get(key)) for key in columns] for row in rows]
     right = [all(re.fullmatch(_NUMBER, line[n]) for line in cells) for n in range(len(columns))]
     return "\n".join(
@@ -89,8 +89,3 @@ def said(line: str) -> None:
     """Print a line at once: what comes next takes long, or the machine may be taken away."""
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
-
-
-def _scalar_keys(rows: Sequence[Row]) -> list[str]:
-    keys = {key: None for row in rows for key, value in row.items() if not isinstance(value, list)}
-    return list(keys)

@@ -19,10 +19,7 @@ ARCHITECTURE = "90"
 def compiled(text: str) -> str | None:
     """Return the PTX of CUDA C by NVRTC's wheel, or else by nvcc; None where neither is there.
 
-    Raises
-    ------
-    ValueError
-        If it does not compile, with what the compiler said.
+    A ValueError has what the compiler said of text that does not compile.
     """
     if libraries := _wheels():
         return _by_nvrtc(text, libraries[0])

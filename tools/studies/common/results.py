@@ -72,10 +72,7 @@ def fresh_run(study: str, version: int, request: Request) -> dict[str, Any]:
 def kept_run(path: Path, fresh: dict[str, Any]) -> dict[str, Any]:
     """Return what an earlier run left, to go on from it; ``fresh`` where there is nothing.
 
-    Raises
-    ------
-    ValueError
-        If it is of another study, or was of another size, seed or machine.
+    That of another study, size, seed or machine is refused.
     """
     if not path.is_file():
         return fresh

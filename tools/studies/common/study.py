@@ -1,13 +1,13 @@
 """One command for every study: parts measured one by one; JSON, a page of tables, and plots."""
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from importlib import import_module
 from inspect import getdoc
 from pathlib import Path
 from types import ModuleType
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -22,6 +22,7 @@ Progress = Callable[[int, int, str], None]
 Tables = dict[str, list[dict[str, Any]]]
 """Rows of plain data, by the name of their table."""
 
+T = TypeVar("T")
 VERSION = 3
 
 
@@ -35,6 +36,13 @@ class Request:
     device: str = "cuda"  # the GPU of parts that need one
     progress: Progress = field(default=lambda done, total, what: None, compare=False)
 
+    def each(self, cases: Iterable[T], words: Callable[[T], str]) -> Iterator[T]:
+        """Yield cases, each after its words were said as progress."""
+        cases = list(cases)
+        for number, case in enumerate(cases):
+            self.progress(number, len(cases), words(case))
+            yield case
+
 
 @dataclass(frozen=True)
 class Study:
@@ -43,12 +51,13 @@ class Study:
     name: str  # of its files: ``NAME.json``, ``NAME.md`` and plots in ``NAME/``
     title: str
     # title and module of each part, in their order. The module has the function ``run``, or the
-    # one named behind a colon, which takes a `Request` and returns `Tables`; ``COLUMNS``, for each
-    # table the keys that the page shows; maybe ``PLOTS``, for each picture a function of the
-    # tables; and maybe ``check``, which refuses a request by a ValueError. The docstring, of
-    # module or function, stands on the page
+    # one named behind a colon, which takes a `Request` and returns what ``gather`` makes `Tables`
+    # of; maybe ``PLOTS``, for each picture a function from the tables to the arguments of
+    # `studies.common.axes.curves`; and maybe ``check``, which refuses a request by a ValueError.
+    # The docstring, of module or function, stands on the page
     parts: Mapping[str, tuple[str, str]]
     sizes: tuple[str, ...] = ("full", "quick", "tiny")
+    gather: Callable[[Any], Tables] = dict
 
     def module(self, part: str) -> ModuleType:
         """Return the module of a part."""
@@ -56,7 +65,8 @@ class Study:
 
     def measure(self, part: str, request: Request) -> Tables:
         """Run a part."""
-        return getattr(self.module(part), self.parts[part][1].partition(":")[2] or "run")(request)
+        function = self.parts[part][1].partition(":")[2] or "run"
+        return self.gather(getattr(self.module(part), function)(request))
 
     def about(self, part: str) -> str:
         """Return what the docstring of a part says, in one line."""
@@ -96,8 +106,8 @@ def command(study: Study) -> typer.Typer:
         json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
     ) -> None:
         with bad_input_in_one_line():
-            _check_known("--size", [size], study.sizes)
-            _check_known("--part", part or (), study.parts)
+            check_known("--size", [size], study.sizes)
+            check_known("--part", part or (), study.parts)
             if data is not None and not data.is_dir():
                 raise FileNotFoundError(f"--data: {data}: no such folder")
             check_output_folder(out)
@@ -123,11 +133,10 @@ def _measure(
     request: Request,
     result: dict[str, Any],
     out: Path,
-    wanted: Sequence[str] | None,
+    wanted: Iterable[str] | None,
 ) -> int:
     """Run the parts that are wanted and not there yet; return how many rows do not hold."""
-    from rigs.files import atomic_path
-    from rigs.files.text import plain, write_json
+    from rigs.files.text import plain, write_json, write_text
     from studies.common.page import page
     from studies.common.results import cpu_seconds, load
 
@@ -150,8 +159,7 @@ def _measure(
         kept[name] = record | {"tables": plain(_stored(tables), digits=5)}
         result["parts"] = {key: kept[key] for key in study.parts if key in kept}
         write_json(out / f"{study.name}.json", result, indent=1)
-        with atomic_path(out / f"{study.name}.md") as temporary:
-            temporary.write_text(page(study, result), "utf-8")
+        write_text(out / f"{study.name}.md", page(study, result))
         say(f"{name}: {record['seconds']:.0f} s")
     rows = [r for p in result["parts"].values() for table in p["tables"].values() for r in table]
     missed = sum(row.get("holds") is False for row in rows)
@@ -175,18 +183,20 @@ def _stored(tables: Tables) -> Tables:
 
 def _draw(module: ModuleType, tables: Tables, out: Path, name: str) -> list[str]:
     """Write the pictures of a part; return their paths in the folder."""
+    from studies.common.axes import curves
     from tomo.draw.figures import save_figure
 
     drawn = []
-    for picture, draw in getattr(module, "PLOTS", {}).items():
-        figure = draw(tables)
-        if figure is not None:
+    for picture, panels_of in getattr(module, "PLOTS", {}).items():
+        panels, *words = panels_of(tables)
+        if panels:
             drawn.append(f"{name}/{picture}.png")
-            save_figure(figure, out / drawn[-1])
+            save_figure(curves(panels, *words), out / drawn[-1])
     return drawn
 
 
-def _check_known(option: str, names: Sequence[str], known: Sequence[str] | Mapping) -> None:
+def check_known(option: str, names: Iterable[str], known: Iterable[str]) -> None:
+    """Refuse a value of an option that is not known."""
     for name in names:
         if name not in known:
             raise ValueError(f"{option}: found {name!r}, expected one of {', '.join(known)}")

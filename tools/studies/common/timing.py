@@ -57,18 +57,8 @@ def in_fresh_process(
 ) -> dict[str, Any]:
     """Run a module in a fresh interpreter; return the JSON object that it prints, and its seconds.
 
-    Parameters
-    ----------
-    module : str
-        As ``studies.benchmark.scaling``.
-    arguments : str
-    environment : mapping, optional
-        Variables to set in addition to those of this process.
-
-    Raises
-    ------
-    RuntimeError
-        If it fails; the message ends with what it said last.
+    ``environment`` is set in addition to this process's. A RuntimeError ends with what a process
+    that fails said last.
     """
     paths = (str(TOOLS.parent), str(TOOLS), os.environ.get("PYTHONPATH"))
     own = {"PYTHONPATH": os.pathsep.join(filter(None, paths))}

@@ -13,6 +13,7 @@ import statistics
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import lru_cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -31,12 +32,6 @@ SEEDS = 2
 SMALL = 0.5
 """By how much grid and images are smaller in a quick or tiny run."""
 
-COLUMNS = {
-    "nrmse": "case without modelled ratio bound holds ignored loss",
-    "cosine_distance": "case without modelled ignored",
-    "runs": "",
-}
-
 Row = dict[str, Any]
 
 
@@ -44,10 +39,8 @@ def run(request: Request) -> Tables:
     """Reconstruct every case with every flame."""
     scale, count = (1.0, SEEDS) if request.size == "full" else (SMALL, 1)
     seeds = range(request.seed + 1, request.seed + 1 + count)
-    jobs = [(seed, name) for seed in seeds for name in CASES]
     rows: list[Row] = []
-    for number, (seed, name) in enumerate(jobs):
-        request.progress(number, len(jobs), f"{name}, seed {seed}")
+    for seed, name in request.each(product(seeds, CASES), "{0[1]}, seed {0[0]}".format):
         rows += case_rows(name, seed, scale)
     return summaries(rows) | {"runs": rows}
 

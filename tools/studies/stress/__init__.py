@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from studies.common.study import Study
+from studies.stress.row import measured
 
 STUDY = Study(
     "stress",
@@ -19,4 +20,5 @@ STUDY = Study(
         "growth": ("Time and memory", "studies.stress.growth"),
     },
     ("full", "quick"),
+    measured,
 )

@@ -9,21 +9,13 @@ import numpy as np
 from scipy.ndimage import shift
 
 from studies.common.scans import reconstructed
-from studies.common.study import Request, Tables
-from studies.stress.calibration_scene import (
-    FOOTPRINT,
-    GRID,
-    KINDS,
-    VIEWS,
-    Flame,
-    noisier,
-    simulated,
-)
-from studies.stress.row import COLUMNS, Chart, Row, charts, measured
+from studies.common.study import Request
+from studies.stress import calibration_scene as scenes
+from studies.stress.calibration_scene import FOOTPRINT, GRID, KINDS, VIEWS, seen_wrongly
+from studies.stress.row import Chart, Row, charts
 from tomo import Scan, solvers
 from tomo.pipeline import Options, reconstruct
-
-__all__ = ["COLUMNS", "PLOTS", "run"]
+from tomo.simulation.simulate import SimulatedImages as Flame
 
 PLOTS = {"calibration": charts}
 
@@ -43,27 +35,18 @@ SAYS_SO = ("pose", "magnification")
 """Effects of findings that say that cameras and images disagree."""
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
-    quick, progress = request.size != "full", request.progress
-    parts = 2 * len(KINDS) + 2
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
+    quick = request.size != "full"
     clean, noisy = _pair(request.seed)
     methods = QUICK_METHODS if quick else METHODS
     pixels = JUDGED if quick else PIXELS
-    progress(0, parts, "as the cameras are")
     least = {method: _error(clean, "pose", 0.0, method) for method in methods}
-    for done, kind in enumerate(KINDS):
-        progress(1 + done, parts, kind)
+    for kind in request.each(KINDS, str):
         yield from _growth(clean, kind, least, pixels)
-    for done, kind in enumerate(KINDS):
-        progress(1 + len(KINDS) + done, parts, f"{kind}: warnings")
+    for kind in request.each(KINDS, "{}: warnings".format):
         for name, flame in (("clean", clean), (f"{NOISE:.0%} noise", noisy)):
             yield _warned_from(flame, kind, name, (0.5, 1.0) if quick else PIXELS)
-    progress(parts - 1, parts, "false alarms")
     more = () if quick else range(request.seed + 1, request.seed + SEEDS)
     yield _false_alarms([(clean, noisy), *(_pair(seed) for seed in more)])
     yield _single(clean, noisy, 6 if quick else 1)
@@ -71,21 +54,18 @@ def _rows(request: Request) -> Iterator[Row]:
 
 def _pair(seed: int) -> tuple[Flame, Flame]:
     """Return a flame without and with noise, simulated once."""
-    made = simulated(seed)
-    return Flame.seen(made), Flame.seen(noisier(made, NOISE, seed))
+    made = scenes.simulated(seed)
+    return made, scenes.noisier(made, NOISE, seed)
 
 
 def _error(flame: Flame, kind: str, pixels: float, method: str) -> float:
-    found = reconstructed(flame.seen_wrongly(kind, pixels), method=method, uncertainty=0)
+    found = reconstructed(seen_wrongly(flame, kind, pixels), method=method, uncertainty=0)
     return found.solution.quality["nrmse"]
 
 
 @cache
 def moved_truth(flame: Flame, pixels: float) -> float:
-    """Return the error of the truth itself where it is moved by so many pixels.
-
-    Root mean square over the three axes: with cameras all round, no direction is better known.
-    """
+    """Return the error of the truth where it is moved by so many pixels: r.m.s. over the axes."""
     truth = flame.truth.astype(np.float64)
     voxels = pixels * FOOTPRINT / GRID.spacing[0]
     errors = [np.linalg.norm(shift(truth, voxels * axis, order=1) - truth) for axis in np.eye(3)]
@@ -132,7 +112,7 @@ def _growth(
 
 def warnings_of(flame: Flame, kind: str, pixels: float, seed: int = 0) -> list[str]:
     """Return the cameras that are found beside the rig's where all are off by so many pixels."""
-    return _found_off(flame.seen_wrongly(kind, pixels, seed))
+    return _found_off(seen_wrongly(flame, kind, pixels, seed))
 
 
 def _found_off(scan: Scan) -> list[str]:
@@ -168,7 +148,7 @@ def _single(clean: Flame, noisy: Flame, every: int) -> Row:
     for flame in (clean, noisy):
         for number in range(0, VIEWS, every):
             name = flame.rig.names[number]
-            if name not in _found_off(flame.one_off(number, 2.0)):
+            if name not in _found_off(scenes.one_off(flame, number, 2.0)):
                 unnamed.append(name)
     return Row.of_faults(
         "One camera of 12 is off by 2 px and is not named", "clean and noisy", unnamed

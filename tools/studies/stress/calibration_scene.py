@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from types import MappingProxyType
-from typing import Self
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 import rigs
-from rigs import Camera, Distortion, Rig
+from rigs import Camera, Distortion
 from studies.common.scans import simulated_by
 from tomo import Scan
 from tomo.grid import VoxelGrid
@@ -70,34 +68,21 @@ def _to_the_ends(camera: Camera) -> float:
     return float(camera.camera_matrix[1, 1] * GRID.extent[1] / 2 / np.linalg.norm(camera.position))
 
 
-@dataclass(frozen=True, eq=False)
-class Flame:
-    """What the cameras saw."""
+def seen_wrongly(made: SimulatedImages, kind: str, pixels: float, seed: int = 0) -> Scan:
+    """Return the scan with a rig that is off by so many pixels, in each camera anew."""
+    random = np.random.default_rng([seed, list(KINDS).index(kind)])
+    return _seen_by(made, (KINDS[kind](camera, pixels, random) for camera in made.rig))
 
-    scan: Scan
-    rig: Rig  # as the cameras are
-    truth: NDArray[np.float32]  # (nx, ny, nz)
 
-    @classmethod
-    def seen(cls, made: SimulatedImages) -> Self:
-        """Return a simulated flame."""
-        return cls(made.scan, made.rig, made.truth)
+def one_off(made: SimulatedImages, number: int, pixels: float) -> Scan:
+    """Return the scan with a rig of which one camera is off by so many pixels."""
+    cameras = list(made.rig)
+    cameras[number] = turned(cameras[number], pixels, np.random.default_rng(number))
+    return _seen_by(made, cameras)
 
-    def seen_wrongly(self, kind: str, pixels: float, seed: int = 0) -> Scan:
-        """Return the scan with a rig that is off by so many pixels, in each camera anew."""
-        random = np.random.default_rng([seed, list(KINDS).index(kind)])
-        return self._seen_by(KINDS[kind](camera, pixels, random) for camera in self.rig)
 
-    def one_off(self, number: int, pixels: float) -> Scan:
-        """Return the scan with a rig of which one camera is off by so many pixels."""
-        random = np.random.default_rng(number)
-        return self._seen_by(
-            turned(camera, pixels, random) if other == number else camera
-            for other, camera in enumerate(self.rig)
-        )
-
-    def _seen_by(self, cameras: Iterable[Camera]) -> Scan:
-        return replace(self.scan, rig=replace(self.scan.rig, cameras=tuple(cameras)))
+def _seen_by(made: SimulatedImages, cameras: Iterable[Camera]) -> Scan:
+    return replace(made.scan, rig=replace(made.rig, cameras=tuple(cameras)))
 
 
 def simulated(seed: int = 0) -> SimulatedImages:

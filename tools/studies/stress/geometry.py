@@ -12,14 +12,12 @@ import numpy as np
 
 import rigs
 from rigs import Camera, Distortion
-from studies.common.study import Request, Tables
-from studies.stress.row import COLUMNS, Row, measured, worst_of
+from studies.common.study import Request
+from studies.stress.row import Row
 from studies.stress.scene import jet_by, ring, solved
 from tomo import LinearSystem, VoxelGrid, dot_test, solvers
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline.methods import method_named
-
-__all__ = ["COLUMNS", "run"]
 
 DISTANCES = (4.0, 1e2, 1e4, 1e6, 1e8)
 """Voxels from the middle of a grid of 12 x 28 x 12; the first is inside."""
@@ -43,15 +41,11 @@ PIXELS_ACROSS = (0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Diameters of the discs; the images are 24 x 40 pixels."""
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request.size != "full"))
-
-
-def _rows(quick: bool) -> Iterator[Row]:
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
     yield from product_rows()
     yield lens_row()
-    yield from focus_rows(quick)
+    yield from focus_rows(request.size != "full")
 
 
 def product_rows() -> Iterator[Row]:
@@ -80,9 +74,8 @@ def _adjoint_rows(
     what: str, over: str, figures: dict[type, list[tuple[str, float]]]
 ) -> Iterator[Row]:
     for kind, found in figures.items():
-        worst, where = worst_of(found)
         name = f"{what}: back-projection against the transpose, {np.dtype(kind).name}"
-        yield Row(name, over, worst, EXACT[kind], "relative", note=where)
+        yield Row.of_worst(name, over, found, EXACT[kind], "relative")
 
 
 def lens_row() -> Row:
@@ -93,9 +86,8 @@ def lens_row() -> Row:
         for coefficients in many:
             camera = replace(plain, distortion=Distortion(model, coefficients))
             errors.append((f"{model} {coefficients}", _there_and_back(camera)))
-    worst, where = worst_of(errors)
-    return Row("lenses with coefficients up to 1e6: directions to the image and back",
-               f"{len(errors)} lenses", worst, ANGLE, "rad", note=where)  # fmt: skip
+    stress = "lenses with coefficients up to 1e6: directions to the image and back"
+    return Row.of_worst(stress, f"{len(errors)} lenses", errors, ANGLE, "rad")
 
 
 def _there_and_back(camera: Camera) -> float:
@@ -131,13 +123,7 @@ def focus_rows(quick: bool) -> Iterator[Row]:
                 brightest.append((f"{method}, {width:g} pixels", figure))
     over = f"discs of {widths[0]:g} to {widths[-1]:g} pixels, stored and on the fly"
     yield from _adjoint_rows("out of focus", over, adjoints)
-    worst, where = worst_of(brightest)
-    yield Row(
-        "asked for discs, images in focus: brightest voxel, methods that take one",
-        f"discs of {widths[0]:g} to {widths[-1]:g} pixels, {VIEWS} views, {NOISE:.0%} noise, "
-        f"{ITERATIONS} iterations",
-        worst,
-        20.0,
-        "times the truth's",
-        note=where,
-    )
+    stress = "asked for discs, images in focus: brightest voxel, methods that take one"
+    over = f"discs of {widths[0]:g} to {widths[-1]:g} pixels, {VIEWS} views, {NOISE:.0%} noise, "
+    over += f"{ITERATIONS} iterations"
+    yield Row.of_worst(stress, over, brightest, 20.0, "times the truth's")

@@ -13,25 +13,18 @@ import tempfile
 import time
 from collections.abc import Iterator
 from functools import cache
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import psutil
 from scipy.stats import linregress
 
-from studies.common.axes import curves
 from studies.common.scans import reconstructed, simulated_by
 from studies.common.study import Request, Tables
 from studies.common.timing import forget_the_peak, in_fresh_process, peak_resident
-from studies.stress.row import COLUMNS as ROWS
-from studies.stress.row import Row, measured
+from studies.stress.row import Row
 from studies.stress.scene import jet_by, ring
 from tomo import VoxelGrid, load_scan
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-__all__ = ["COLUMNS", "PLOTS", "run"]
 
 BOX = (10.0, 20.0, 10.0)
 START = {"edge": 20, "views": 12, "width": 48}
@@ -45,27 +38,16 @@ GROWING = {
 STEEPEST = 1.2
 """Power of voxels, views or pixels: each solve is linear in them or less."""
 
-COLUMNS = ROWS | {
-    "growth": "along voxels views pixels cpu_seconds seconds peak_mb",
-    "fits": "what along slope uncertainty least most",
-}
 
-
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
     every = 1 if request.size == "full" else 2
-    for number, (along, (key, values)) in enumerate(GROWING.items()):
+    for along, (key, values) in GROWING.items():
         points = []
-        for value in values[::every]:
-            request.progress(number, len(GROWING), f"{along}: {key} {value}")
+        for value in request.each(values[::every], f"{along}: {key} {{}}".format):
             points.append({"along": along} | point(**(START | {key: value}), seed=request.seed))
         for what in ("cpu_seconds", "peak_mb"):
             yield growth_row(what, along, points, what == "cpu_seconds")
-    request.progress(len(GROWING), len(GROWING), "")
 
 
 @cache
@@ -92,18 +74,18 @@ def growth_row(what: str, along: str, points: list[dict[str, Any]], first: bool)
                STEEPEST, f"± {found.stderr:.2f}", lines=lines)  # fmt: skip
 
 
-def _drawn(tables: Tables) -> Figure:
-    panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
+def _panels(tables: Tables) -> tuple[dict[str, dict[str, list]], str, str]:
+    panels: dict[str, dict[str, list]] = {}
     smallest: dict[str, float] = {}
     for row in tables["growth"]:
         along = row["along"]
         amount = row[along] / smallest.setdefault(along, row[along])
         for key, words in (("cpu_seconds", "seconds of a core"), ("peak_mb", "peak memory (MB)")):
             panels.setdefault(words, {}).setdefault(along, []).append((amount, row[key]))
-    return curves(panels, "times the smallest", "")
+    return panels, "times the smallest", ""
 
 
-PLOTS = {"growth": _drawn}
+PLOTS = {"growth": _panels}
 
 
 def _reconstruct(folder: str) -> dict[str, float]:

@@ -9,13 +9,12 @@ import numpy as np
 
 from rigs import Rig
 from studies.common.scans import reconstructed
-from studies.common.study import Request, Tables
-from studies.stress.calibration_scene import Flame, noisier, simulated
-from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
+from studies.common.study import Request
+from studies.stress.calibration_scene import noisier, one_off, simulated
+from studies.stress.row import Row, relative_error
 from tomo import Scan
 from tomo.pipeline import Reconstruction
-
-__all__ = ["COLUMNS", "run"]
+from tomo.simulation.simulate import SimulatedImages
 
 NOISE = 0.02
 ORDERS, QUICK_ORDERS = 3, 1
@@ -25,25 +24,19 @@ ROUNDING = 1e-4
 WRONG = 3
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
     count = QUICK_ORDERS if request.size != "full" else ORDERS
-    scans = wrong_scans(Flame.seen(noisier(simulated(request.seed), NOISE, request.seed)))
+    scans = wrong_scans(noisier(simulated(request.seed), NOISE, request.seed))
     random = np.random.default_rng(request.seed)
-    for number, (name, scan) in enumerate(scans.items()):
-        request.progress(number, len(scans), name)
-        orders = [random.permutation(len(scan.rig)) for _ in range(count)]
-        yield from order_rows(name, scan, [list(scan.rig.names[::-1]), *(
-            [scan.rig.names[n] for n in order] for order in orders
-        )])  # fmt: skip
-    request.progress(len(scans), len(scans), "")
+    for name in request.each(scans, str):
+        names = scans[name].rig.names
+        orders = [random.permutation(len(names)) for _ in range(count)]
+        permuted = ([names[n] for n in order] for order in orders)
+        yield from order_rows(name, scans[name], [list(names[::-1]), *permuted])
 
 
-def wrong_scans(flame: Flame) -> dict[str, Scan]:
+def wrong_scans(flame: SimulatedImages) -> dict[str, Scan]:
     """Return the scan as it is, and with one camera that is wrong."""
     scan, name = flame.scan, flame.rig.names[WRONG]
     images = dict(zip(scan.rig.names, scan.read()[0], strict=True))
@@ -51,7 +44,7 @@ def wrong_scans(flame: Flame) -> dict[str, Scan]:
     changed = {"darker by a fifth": own * np.float32(0.8), "mirrored": own[:, ::-1]}
     return {
         "as it is": scan,
-        "a camera 2 px off": flame.one_off(WRONG, 2.0),
+        "a camera 2 px off": one_off(flame, WRONG, 2.0),
         **{
             f"a camera {what}": Scan.from_arrays(
                 scan.rig, images | {name: np.ascontiguousarray(image)}, scan.grid
@@ -72,9 +65,8 @@ def order_rows(name: str, scan: Scan, orders: list[list[str]]) -> Iterator[Row]:
         faults += [f"{', '.join(one) or 'none'} instead of {', '.join(own) or 'none'}"
                    for own, one in [(named(first), named(other))] if own != one]  # fmt: skip
     over = f"12 views, {len(orders)} orders, {NOISE:.0%} noise"
-    worst, where = worst_of(changed)
-    yield Row(f"{name}: volume with the cameras in another order", over, worst, ROUNDING,
-              "of its norm", note=where)  # fmt: skip
+    stress = f"{name}: volume with the cameras in another order"
+    yield Row.of_worst(stress, over, changed, ROUNDING, "of its norm")
     yield Row.of_faults(
         f"{name}: other cameras named in another order", over, faults, ", ".join(named(first))
     )

@@ -5,33 +5,20 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Collection, Iterator
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
 from rigs import Rig
-from studies.common.study import Progress, Request, Tables
-from studies.stress.robustness_scene import (
-    ALIKE,
-    FLAMES,
-    OTHER,
-    WRONG,
-    Images,
-    Scene,
-    one_bad_pixel,
-    scene,
-    shifted,
-    swapped,
-    with_bad_pixels,
-    wrong_views,
-)
-from studies.stress.row import COLUMNS, Row, measured, worst_of
+from studies.common.study import Request
+from studies.stress import robustness_scene as scenes
+from studies.stress.robustness_scene import ALIKE, FLAMES, OTHER, WRONG, Images, Scene, scene
+from studies.stress.row import Row, worst_of
 from tomo import Scan
 from tomo.inference.finding import LEFT_OUT
 from tomo.measurement.pixel_check import check_pixels
 from tomo.pipeline import Options, Reconstruction, reconstruct
 from tomo.simulation.effects import Effects
-
-__all__ = ["COLUMNS", "run"]
 
 WORSE = 1.5
 """How many times its clean error the default method may have."""
@@ -56,21 +43,16 @@ RIGHT: dict[str, Effects | None] = {
 RIGHT_IN_QUICK = ("as they are", "gains 10 %", "vignetting 40 %")
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
-    quick, progress = request.size != "full", request.progress
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
+    quick = request.size != "full"
     shrink = SHRINK[quick]
     seeds = [request.seed + 1] if quick else [request.seed + 1, request.seed + 2, request.seed + 3]
     cases = [(flame, seed) for flame in FLAMES for seed in seeds]
     setting = f"33 views at {shrink:.2g} of the preset's size, "
     setting += f"{len(seeds)} seed{'s' if len(seeds) > 1 else ''}"
     found = []
-    for number, (flame, seed) in enumerate(cases):
-        progress(number, len(cases), f"{flame}, seed {seed}")
+    for flame, seed in request.each(cases, "{0[0]}, seed {0[1]}".format):
         some = IN_QUICK[flame] if quick else ()
         found.append(_Measured.of(scene(flame, seed, shrink), seed, shrink, some))
 
@@ -112,9 +94,9 @@ def _rows(request: Request) -> Iterator[Row]:
     )
     # The turbulent flame has the finer detail, which alarms are to be feared of.
     if quick:
-        yield from _right(shrink, cases[-1:], RIGHT_IN_QUICK, progress)
+        yield from _right(request, shrink, cases[-1:], RIGHT_IN_QUICK)
     else:
-        yield from _right(shrink, cases[:: len(seeds)], tuple(RIGHT), progress)
+        yield from _right(request, shrink, cases[:: len(seeds)], tuple(RIGHT))
 
 
 class _Measured:
@@ -133,17 +115,16 @@ class _Measured:
         names = one.rig.names
         measured = cls(one)
         if not some or "1 %" in some:
-            measured.add(
-                "bad pixels", "1 %", with_bad_pixels(one.images, BAD_PIXELS, seed), bad_pixels=True
-            )
+            images = scenes.with_bad_pixels(one.images, BAD_PIXELS, seed)
+            measured.add("bad pixels", "1 %", images, bad_pixels=True)
         if not some or "one" in some:
-            measured.add("pixel", "one", one_bad_pixel(one.images))
-        for what, images, visible in wrong_views(one, seed, shrink):
+            measured.add("pixel", "one", scenes.one_bad_pixel(one.images))
+        for what, images, visible in scenes.wrong_views(one, seed, shrink):
             if not some or what in some:
                 measured.add("view", what, images, names[WRONG : WRONG + 1] if visible else None)
         if not some or "both" in some:
             both = (names[WRONG], names[OTHER]) if one.flame != "jet" else None
-            measured.add("swap", "both", swapped(one.images), both)
+            measured.add("swap", "both", scenes.swapped(one.images), both)
         return measured
 
     def add(
@@ -179,21 +160,20 @@ def _not_as_named(outcome: Reconstruction, wrong: tuple[str, ...]) -> Iterator[s
 
 
 def _right(
-    shrink: float, cases: list[tuple[str, int]], whats: tuple[str, ...], progress: Progress
+    request: Request, shrink: float, cases: list[tuple[str, int]], whats: tuple[str, ...]
 ) -> Iterator[Row]:
     """Judge images with nothing wrong about them but what every camera has."""
     alarms, bad_ones, pixels, judged = [], 0, 0, 0
-    for flame, seed in cases:
-        for what in whats:
-            progress(judged, len(cases) * (len(whats) + 4), f"{flame}, {what}")
-            one = scene(flame, seed, shrink, RIGHT[what])
-            for name, rig, images in _variants(one, what, seed):
-                masks = [np.ones(image.shape, bool) for image in images]
-                found = check_pixels(rig.names, images, masks)
-                alarms += [f"{flame}, {name}: {out}" for out in _left_out(one, rig, images)]
-                bad_ones += sum(found.outliers.values())
-                pixels += sum(found.usable.values())
-                judged += 1
+    both = product(cases, whats)
+    for (flame, seed), what in request.each(both, "{0[0][0]}, {0[1]}".format):
+        one = scene(flame, seed, shrink, RIGHT[what])
+        for name, rig, images in _variants(one, what, seed):
+            masks = [np.ones(image.shape, bool) for image in images]
+            found = check_pixels(rig.names, images, masks)
+            alarms += [f"{flame}, {name}: {out}" for out in _left_out(one, rig, images)]
+            bad_ones += sum(found.outliers.values())
+            pixels += sum(found.usable.values())
+            judged += 1
     over = f"{judged} sets: " + ", ".join([*whats, "noise", "3 px off", "5 and 11 views"])
     yield Row.of_faults("right images: views left out", over, alarms)
     yield Row("right images: pixels left out", over, bad_ones / pixels, FALSE_ALARMS, "of all")
@@ -218,7 +198,7 @@ def _variants(one: Scene, what: str, seed: int) -> Iterator[tuple[str, Rig, Imag
     ]
     yield "noise 10 %", one.rig, noisy
     shrunk = 3.0 * one.rig[0].image_size[0] / 90  # of the preset's own pixels
-    yield "3 px off", shifted(one.rig, shrunk, seed), one.images
+    yield "3 px off", scenes.shifted(one.rig, shrunk, seed), one.images
     for count in (5, 11):
         kept = range(0, 33, 33 // count)[:count]
         cameras = tuple(one.rig[view] for view in kept)

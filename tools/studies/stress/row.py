@@ -6,20 +6,14 @@ import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from studies.common.axes import Points, curves
+from studies.common.axes import Points
 from studies.common.page import significant
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
-    from studies.common.study import Tables
-
-COLUMNS = {"rows": "stress over found bound holds seconds note"}
+from studies.common.study import Tables
 
 
 @dataclass(frozen=True)
@@ -48,10 +42,31 @@ class Row:
     lines: Mapping[str, Sequence[dict[str, Any]]] = field(default_factory=dict)
 
     @classmethod
-    def of_faults(cls, stress: str, over: str, faults: Sequence[str], otherwise: str = "") -> Self:
+    def of_faults(
+        cls,
+        stress: str,
+        over: str,
+        faults: Sequence[str],
+        otherwise: str = "",
+        unit: str = "faults",
+    ) -> Self:
         """Return the row that counts what must not happen; the first five are its note."""
         note = "; ".join(list(dict.fromkeys(filter(None, faults)))[:5])
-        return cls(stress, over, len(faults), 0, "faults", note=note or otherwise)
+        return cls(stress, over, len(faults), 0, unit, note=note or otherwise)
+
+    @classmethod
+    def of_worst(
+        cls,
+        stress: str,
+        over: str,
+        figures: Iterable[tuple[str, float]],
+        bound: float,
+        unit: str = "",
+        **more: Any,
+    ) -> Self:
+        """Return the row of the largest of named figures; its name is the note."""
+        worst, where = worst_of(figures)
+        return cls(stress, over, worst, bound, unit, **{"note": where} | more)
 
     @property
     def holds(self) -> bool:
@@ -85,12 +100,11 @@ def measured(rows: Iterable[Row]) -> Tables:
     return tables
 
 
-def charts(tables: Tables) -> Figure | None:
+def charts(tables: Tables) -> tuple[dict[str, Mapping[str, Points]], str, str]:
     """Return the curves of a part's rows: a panel for each row that has some."""
     shown = [row["curves"] for row in tables["rows"] if row["curves"]]
-    if not shown:
-        return None
-    return curves({chart.title: chart.curves for chart in shown}, shown[0].x, shown[0].y)
+    first = shown[0] if shown else Chart("", "", "", {})
+    return {chart.title: chart.curves for chart in shown}, first.x, first.y
 
 
 def relative_error(found: ArrayLike, expected: ArrayLike) -> float:

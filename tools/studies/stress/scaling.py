@@ -16,8 +16,8 @@ from numpy.typing import NDArray
 
 from rigs import Rig
 from studies.common.scans import reconstructed
-from studies.common.study import Request, Tables
-from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
+from studies.common.study import Request
+from studies.stress.row import Row, relative_error
 from studies.stress.scene import BY_PIXEL, scene, solved
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.operators.on_the_fly import OnTheFlyProjector
@@ -26,8 +26,6 @@ from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
 from tomo.selection import choose_by_left_out_pixels
 from tomo.simulation.simulate import SimulatedImages
-
-__all__ = ["COLUMNS", "run"]
 
 FACTORS = (1e-6, 3.7e-6, 2.9e5, 1e6)
 RANGE = f"x {min(FACTORS):g} to {max(FACTORS):g}"
@@ -101,26 +99,16 @@ def _times(array: NDArray, factor: float) -> NDArray[np.float32]:
     return (factor * array.astype(np.float64)).astype(np.float32)
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
-    quick, progress = request.size != "full", request.progress
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
+    quick = request.size != "full"
     factors = FACTORS[::3] if quick else FACTORS
     plain = Scaled(scene(noise=0.02).simulated)
     others = [replace(plain, lengths=factor) for factor in factors]
     others += [replace(plain, intensities=factor) for factor in factors]
     others += [replace(plain, lengths=factors[0], intensities=factors[-1])]
-    parts = (
-        _solvers(plain, others, quick),
-        _default(plain, others),
-    )
-    for number, part in enumerate(parts):
-        progress(number, len(parts), "scaling")
-        yield from part
-    progress(len(parts), len(parts), "")
+    yield from _solvers(plain, others, quick)
+    yield from _default(plain, others)
 
 
 def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[Row]:
@@ -136,9 +124,8 @@ def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[R
                     found = solved(method, _form(other, form), other.measured).volume
                     error = relative_error(other.unscaled(found), expected)
                     figures.append((f"{method}, {form}, {other.name}", error))
-        worst, where = worst_of(figures)
-        unit = "relative to scale 1"
-        yield Row(f"{what}, every classic method", RANGE, worst, EXACT, unit, note=where)
+        stress = f"{what}, every classic method"
+        yield Row.of_worst(stress, RANGE, figures, EXACT, "relative to scale 1")
 
 
 def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
@@ -155,31 +142,18 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
             for name, value in _choice(outcome).items()
             if value != chosen[name]
         ]
-    worst, where = worst_of(figures)
-    yield Row(
-        "default method, through files", RANGE, worst, EXACT, "relative to scale 1", note=where
-    )
-    yield Row(
-        "what the default method chooses: method, width, iterations, active voxels, warnings",
-        RANGE,
-        len(changed),
-        0,
-        "changes",
-        note="; ".join(changed[:3]),
-    )
-    residual = choose_by_left_out_pixels(plain.system.projector, plain.measured).held_out_residual
-    worst, where = worst_of(
-        (
-            other.name,
-            abs(
-                choose_by_left_out_pixels(other.system.projector, other.measured).held_out_residual
-                / residual
-                - 1
-            ),
-        )
-        for other in others
-    )
-    yield Row("residual of pixels left out", RANGE, worst, EXACT, "relative", note=where)
+    stress = "default method, through files"
+    yield Row.of_worst(stress, RANGE, figures, EXACT, "relative to scale 1")
+    stress = "what the default method chooses: method, width, iterations, active voxels, warnings"
+    yield Row.of_faults(stress, RANGE, changed, unit="changes")
+    residual = _left_out(plain)
+    ratios = [(other.name, abs(_left_out(other) / residual - 1)) for other in others]
+    yield Row.of_worst("residual of pixels left out", RANGE, ratios, EXACT, "relative")
+
+
+def _left_out(scaled: Scaled) -> float:
+    """Return the residual of pixels left out."""
+    return choose_by_left_out_pixels(scaled.system.projector, scaled.measured).held_out_residual
 
 
 def _form(scaled: Scaled, form: str) -> ProjectionOperator:

@@ -20,9 +20,9 @@ import numba
 import numpy as np
 from numpy.typing import NDArray
 
-from studies.common.study import Request, Tables
+from studies.common.study import Request
 from studies.common.timing import in_fresh_process
-from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
+from studies.stress.row import Row, relative_error
 from studies.stress.scene import Scene, jet_by, ring, scene_of, solved
 from tomo import load_scan
 from tomo.hull import carve
@@ -31,8 +31,6 @@ from tomo.measurement import estimate_noise
 from tomo.model import Absorbing, Gain, Observation, Pose
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation.effects import Effects
-
-__all__ = ["COLUMNS", "run"]
 
 POOLS = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 CHILD = "studies.stress.threads"
@@ -47,13 +45,9 @@ class Made:
     volume: NDArray[np.float32]  # (nx, ny, nz): of the default method or of WERNet
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
-    quick, progress = request.size != "full", request.progress
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
+    quick = request.size != "full"
     counts = (1, 4, 4) if quick else (1, 2, 4, 8, 2)
     learned = (1, 2, 2) if quick else (1, 2, 4, 2)
     with tempfile.TemporaryDirectory() as name, ThreadPoolExecutor(2) as pool:
@@ -63,13 +57,9 @@ def _rows(request: Request) -> Iterator[Row]:
         # what a process does alone, importing most of all, leaves the other cores to the next
         jobs = [pool.submit(made_by, threads, classic) for threads in counts]
         jobs += [pool.submit(made_by, threads, wernet, "wernet") for threads in learned]
-        made = []
-        for number, job in enumerate(jobs):
-            progress(number, len(jobs), "processes")
-            made.append(job.result())
+        made = [job.result() for job in request.each(jobs, lambda _: "processes")]
         yield from classic_rows(made[: len(counts)])
         yield from learned_rows(made[len(counts) :])
-        progress(len(jobs), len(jobs), "")
 
 
 def made_by(threads: int, scan: Path, *what: str) -> Made:
@@ -94,57 +84,36 @@ def classic_rows(made: Sequence[Made]) -> Iterator[Row]:
         for name in whole
         if one.hashes.get(name) != first.hashes[name]
     ]
-    yield Row(
-        "every classic method, default method, carving, effects, simulation, by threads",
-        over,
-        len(differing),
-        0,
-        "results with other bits",
-        note="; ".join(differing[:5]),
-    )
+    unit = "results with other bits"
+    what = "every classic method, default method, carving, effects, simulation, by threads"
+    yield Row.of_faults(what, over, differing, unit=unit)
     fewer = [
         f"{name} of {one.threads}"
         for one in made
         for name, found in one.hashes.items()
         if "@" in name and found != one.hashes[name.split(" @")[0]]
     ]
-    yield Row(
-        "some of a process's threads, stored and on the fly",
-        f"1 to {max(one.threads for one in made)} threads",
-        len(fewer),
-        0,
-        "results with other bits",
-        note="; ".join(fewer[:5]),
+    over = f"1 to {max(one.threads for one in made)} threads"
+    yield Row.of_faults(
+        "some of a process's threads, stored and on the fly", over, fewer, unit=unit
     )
     again = _as_the_last(made)
     repeated = [name for name in whole if again.hashes.get(name) != made[-1].hashes.get(name)]
-    yield Row(
-        "the same once more, in another process",
-        f"{made[-1].threads} threads, {len(whole)} results",
-        len(repeated),
-        0,
-        "results with other bits",
-        note="; ".join(repeated[:5]),
-    )
+    over = f"{made[-1].threads} threads, {len(whole)} results"
+    yield Row.of_faults("the same once more, in another process", over, repeated, unit=unit)
 
 
 def learned_rows(made: Sequence[Made]) -> Iterator[Row]:
     """Compare what WERNet made: the same bits on as many threads, nearly so on others."""
     again, last = _as_the_last(made), made[-1]
-    yield Row(
-        "WERNet once more, in another process",
-        f"{last.threads} threads",
-        float(np.count_nonzero(again.volume != last.volume)),
-        0,
-        "voxels with other bits",
-    )
-    worst, where = worst_of(
+    differing = float(np.count_nonzero(again.volume != last.volume))
+    what, over = "WERNet once more, in another process", f"{last.threads} threads"
+    yield Row(what, over, differing, 0, "voxels with other bits")
+    errors = [
         (f"{one.threads} threads", relative_error(one.volume, made[0].volume)) for one in made[1:]
-    )
-    yield Row(
-        "WERNet by threads", f"{_listed(made[:-1])} threads", worst, 1e-4,
-        f"relative to {made[0].threads} thread", note=where,
-    )  # fmt: skip
+    ]
+    over, unit = f"{_listed(made[:-1])} threads", f"relative to {made[0].threads} thread"
+    yield Row.of_worst("WERNet by threads", over, errors, 1e-4, unit)
 
 
 def _as_the_last(made: Sequence[Made]) -> Made:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from itertools import product
 
 import numpy as np
@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from phantoms import GaussianBlobs
 from rigs import Rig, arc
-from studies.common.study import Request, Tables
+from studies.common.study import Request
 from studies.stress.resolution import resolution_rows
-from studies.stress.row import COLUMNS, Row, measured, relative_error, worst_of
+from studies.stress.row import Row, relative_error
 from studies.stress.trust_scenes import SHAPE, TrustScene, seen_by, trust_scene
 from tomo.simulation import simulate_images
 from tomo.uncertainty import Assessment, assess, half_widths
-
-__all__ = ["COLUMNS", "run"]
 
 WITHIN = 1.5
 SHARE = 0.8
@@ -42,21 +40,17 @@ RESOLVED = 0.2
 FAN = 30.0
 
 
-def run(request: Request) -> Tables:
-    """Measure the rows of this part."""
-    return measured(_rows(request))
-
-
-def _rows(request: Request) -> Iterator[Row]:
-    quick, progress = request.size != "full", request.progress
+def run(request: Request) -> Iterator[Row]:
+    """Yield the rows of this part."""
+    quick = request.size != "full"
     repeats, estimates = (QUICK_REPEATS, QUICK_ESTIMATES) if quick else (REPEATS, ESTIMATES)
     flames = ("jet",) if quick else ("jet", "turbulent")
     layouts = (11,) if quick else (33, 11)
     seed, shape = request.seed + 1, QUICK_SHAPE if quick else SHAPE
     cases = list(product(flames, layouts, ("gaussian", "poisson")))
     noises, fractions, resolved = [], [], []
-    for number, (flame, views, noise) in enumerate(cases):
-        progress(number, len(cases) + 2, f"standard deviations: {flame}, {views} views, {noise}")
+    said = "standard deviations: {0[0]}, {0[1]} views, {0[2]}".format
+    for flame, views, noise in request.each(cases, said):
         scene = trust_scene(flame, views, noise, seed, shape)
         found = assessed(scene, estimates)
         noises.append((scene.name, abs(noise_ratio(scene, found) - 1)))
@@ -64,7 +58,6 @@ def _rows(request: Request) -> Iterator[Row]:
         yield from compared
         fractions.append((compared[1].figure, len(found.deviations.values)))
         if (flame, views, noise) == (flames[-1], layouts[0], "gaussian"):
-            progress(number, len(cases) + 2, "resolution")
             resolved.append(resolution_row(scene, found))
     voxels = sum(count for _, count in fractions)
     yield Row(
@@ -75,26 +68,17 @@ def _rows(request: Request) -> Iterator[Row]:
         "of the voxels",
         at_least=True,
     )
-    worst, where = worst_of(noises)
-    yield Row("noise found in the images", _over(cases), worst, 0.15, "off the truth", note=where)
+    over = f"{len(cases)} scenes, gaussian and poisson"
+    yield Row.of_worst("noise found in the images", over, noises, 0.15, "off the truth")
     yield from resolved
-    progress(len(cases), len(cases) + 2, "waves on six rigs")
     yield from resolution_rows(quick)
-    progress(len(cases) + 1, len(cases) + 2, "warnings")
     yield from warning_rows(trust_scene("jet", layouts[0], "clean", seed, shape))
-    progress(len(cases) + 2, len(cases) + 2, "")
 
 
 def assessed(scene: TrustScene, repeats: int) -> Assessment:
     """Return the condition of a scene, from its noisy images alone."""
-    return assess(
-        scene.problem.system,
-        scene.problem.measured,
-        scene.volume,
-        scene.solve,
-        repeats=repeats,
-        seed=scene.seed,
-    )
+    problem, how = scene.problem, {"repeats": repeats, "seed": scene.seed}
+    return assess(problem.system, problem.measured, scene.volume, scene.solve, **how)
 
 
 def agreeing(found: NDArray, reference: NDArray, voxels: NDArray[np.bool_]) -> float:
@@ -199,10 +183,6 @@ def fan_like(rig: Rig) -> Rig:
     distance = float(np.linalg.norm(camera.position))
     focal = float(camera.camera_matrix[0, 0])
     return arc(5, FAN, distance, image_size=camera.image_size, footprint=distance / focal)
-
-
-def _over(cases: Sequence[tuple[str, int, str]]) -> str:
-    return f"{len(cases)} scenes, gaussian and poisson"
 
 
 def _text(widths: NDArray[np.float64]) -> str:
