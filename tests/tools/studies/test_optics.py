@@ -9,6 +9,7 @@ from studies.optics.cases import CASES, LENS, base
 from studies.optics.light import Flame, image, line_integrals
 from studies.optics.sights import PastRod, Sight
 from studies.scenes.forward import radiance
+from studies.scenes.media import Gas
 
 import phantoms
 from rigs.geometry.image_checks import pixel_centres
@@ -41,7 +42,7 @@ def test_the_truth_is_the_mean_of_the_field_that_is_seen(flame):
 def test_light_is_added_as_the_other_studies_add_it(flame, rig, extinction):
     small = rig[1].scaled(0.5)
     seen = image(Sight(small), flame, extinction)
-    expected = radiance(small, flame, supersample=3, absorption=extinction, step=0.05)
+    expected = radiance(small, flame, Gas(absorption=extinction), supersample=3, step=0.05)
     assert np.abs(seen - expected).max() < 0.01 * expected.max()
 
 

@@ -5,14 +5,13 @@ import math
 import numpy as np
 import pytest
 from studies.scenes import cameras, scene
-from studies.scenes.exposure import Exposure
+from studies.scenes.exposure import NOISES, PEDESTAL, TWELVE_BIT, Exposure, recorded, stored
 from studies.scenes.faults import FAULTS, Setting
 from studies.scenes.fields import CUT, FAMILIES, KnownField, LaterField
 from studies.scenes.findings import EFFECTS
 from studies.scenes.forward import radiance
-from studies.scenes.media import Cloud, HotCore, Sheath, displacements
+from studies.scenes.media import Gas, cloud, displacements, hot_core, sheath
 from studies.scenes.recipe import HALVES, Recipe
-from studies.scenes.recording import NOISES, PEDESTAL, TWELVE_BIT, recorded, stored
 
 import phantoms
 from rigs import Camera
@@ -57,7 +56,7 @@ def test_a_ray_sees_the_line_integral(camera, integrals):
 @pytest.mark.parametrize("depth", [0.2, 2.0])
 def test_self_absorption_is_that_of_the_closed_form(camera, integrals, depth):
     q = depth / integrals.max()
-    seen = radiance(camera, Blob(), supersample=1, self_absorption=q)
+    seen = radiance(camera, Blob(), Gas(q), supersample=1)
     expected = -np.expm1(-q * integrals) / q
     assert np.abs(seen - expected).max() < 1e-4 * expected.max()
 
@@ -67,23 +66,21 @@ def test_a_medium_dims_by_the_length_in_front():
     ahead = Camera("ahead", (3, 3), [[2000, 0, 1], [0, 2000, 1], [0, 0, 1]], t=[0, 0, 100])
     ahead = ahead.transformed(np.eye(3), GRID.center)
     half = GRID.extent[2] / 2
-    clear, dimmed = (radiance(ahead, Blob(), supersample=1, absorption=k)[1, 1] for k in (0, a))
+    clear, dimmed = (radiance(ahead, Blob(), Gas(0, k), supersample=1)[1, 1] for k in (0, a))
     # the integral of exp(-z^2 / 2 w^2 - a (z + half)) over all z
     assert dimmed / clear == pytest.approx(math.exp(-a * half + 0.5 * (a * WIDTH) ** 2), rel=1e-4)
 
 
 def test_a_uniform_absorber_is_a_medium(camera):
-    class Even:
-        def __call__(self, points):
-            inside = (np.abs(points - GRID.center) <= GRID.extent / 2).all(axis=-1)
-            return 0.1 * inside
+    def even(points):
+        return 0.1 * (np.abs(points - GRID.center) <= GRID.extent / 2).all(axis=-1)
 
-    medium = radiance(camera, Blob(), supersample=1, absorption=0.1)
-    seen = radiance(camera, Blob(), supersample=1, absorber=Even())
+    medium = radiance(camera, Blob(), Gas(absorption=0.1), supersample=1)
+    seen = radiance(camera, Blob(), Gas(absorber=even), supersample=1)
     assert np.abs(seen - medium).max() < 3e-3 * medium.max()
 
 
-@pytest.mark.parametrize("made", [Cloud(GRID, 0.7, 0.0), Sheath(GRID, 0.7)])
+@pytest.mark.parametrize("made", [cloud(GRID, 0.7, 0.0), sheath(GRID, 0.7)])
 def test_absorbers_have_their_depth(made):
     x = np.linspace(0, GRID.extent[0], 4001)  # outwards from the axis, past cloud and wall
     points = np.stack([x, 0 * x, 0 * x], axis=-1) + GRID.center
@@ -100,14 +97,15 @@ def test_rays_are_bent_by_the_gradient_of_the_index():
     off = displacements(lambda p: np.full_like(p, [0.01, 0, 3.0]), points, ahead, length)
     np.testing.assert_allclose(off[0, :, 0], 0.005 * along**2, atol=2e-3)
     assert not off[..., 1:].any()
-    off = displacements(HotCore(GRID, 0.7), points, ahead, length)
+    off = displacements(hot_core(GRID, 0.7), points, ahead, length)
     assert np.abs(off).max() == pytest.approx(0.7, rel=0.1)
     assert off[-1, -1, 0] > 0 > off[0, -1, 0]  # away from the hot middle
 
 
 def test_bent_rays_see_light_elsewhere(camera):
     straight, bent = (
-        radiance(camera, Blob(), supersample=1, bending=HotCore(GRID, size)) for size in (0, 0.7)
+        radiance(camera, Blob(), Gas(bending=hot_core(GRID, size)), supersample=1)
+        for size in (0, 0.7)
     )
     assert np.array_equal(straight, radiance(camera, Blob(), supersample=1))
     assert 0.005 < np.abs(bent - straight).max() / straight.max() < 0.2
@@ -138,7 +136,8 @@ def test_fields_are_sized_for_their_grid(family):
 
 def test_gas_moves_by_the_distance():
     field = KnownField("tilted cone", 1, GRID)
-    still, near, far = (phantoms.sample(LaterField(field, d), GRID, 1) for d in (0, 0.5, 2.0))
+    own = field.family, field.seed, GRID
+    still, near, far = (phantoms.sample(LaterField(*own, d), GRID, 1) for d in (0, 0.5, 2.0))
     assert metrics.nrmse(near, still) < metrics.nrmse(far, still)
 
 
@@ -168,15 +167,7 @@ def test_every_kind_of_rig_sees_the_grid():
 def small(monkeypatch):
     """Scenes are seen with one ray a pixel and a step a voxel, and their truth is rough."""
     rough = {"supersample": 1, "step": 1.0}
-    light = lambda self: radiance(  # noqa: E731
-        self.camera,
-        self.field,
-        self_absorption=self.self_absorption,
-        absorption=self.absorption,
-        absorber=self.absorber,
-        **rough,
-    )
-    monkeypatch.setattr(Exposure, "light", light)
+    monkeypatch.setattr(Exposure, "light", lambda self: radiance(*self.sight, **rough))
     monkeypatch.setattr(scene, "TRUTH_POINTS", 1)
 
 

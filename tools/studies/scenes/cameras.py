@@ -31,19 +31,8 @@ GOLDEN_ANGLE = 137.50776405
 def rig(name: str, grid: VoxelGrid, seed: int) -> Rig:
     """Return a rig by its kind and its number of views, such as ``dome-12``.
 
-    Parameters
-    ----------
-    name : str
-        One of `KINDS`, a hyphen and the number of views.
-    grid : VoxelGrid
-        All cameras look at its middle; cubic voxels.
-    seed : int
-        Of the size of images, of where the first camera stands, and of differences of height.
-
-    Raises
-    ------
-    ValueError
-        If there is no such kind.
+    All cameras look at the middle of the grid, of cubic voxels. The seed is that of the size of
+    images, of where the first camera stands, and of differences of height.
     """
     kind, _, views = name.rpartition("-")
     if kind not in KINDS:

@@ -5,10 +5,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 
+from studies.scenes.exposure import NOISES, TWELVE_BIT
 from studies.scenes.faults import FAULTS, SIZES
 from studies.scenes.fields import REPORT, SETTLE, SPECIAL_REPORT, SPECIAL_SETTLE
 from studies.scenes.recipe import SEEDS, Recipe
-from studies.scenes.recording import NOISES, TWELVE_BIT
 
 RIGS = (
     "ring-5", "dome-6", "half-ring-6", "unlike-8", "ring-8", "two-level-12", "half-ring-12",
@@ -115,17 +115,11 @@ def everything(half: str) -> list[Recipe]:
     return _in_order([*faultless(half), *special(half), *alarms(half)], faulty(half))
 
 
-def sample(half: str, faults: int = 1, right: int = QUICK_FAULTLESS) -> list[Recipe]:
+def sample(half: str, faults: int = 1) -> list[Recipe]:
     """Return few and cheap scenes, stratified, in an order that can end anywhere.
 
-    Parameters
-    ----------
-    half : str
-    faults : int
-        Scenes of each fault, of unlike sizes, with at most `QUICK_VIEWS` views
-        where there are such.
-    right : int
-        Faultless scenes, from each family as many; as many as there are special families more.
+    ``faults`` scenes of each fault, of unlike sizes, with at most `QUICK_VIEWS` views where there
+    are such; `QUICK_FAULTLESS` from each family as many, and one of each special family.
     """
     wrong: list[Recipe] = []
     for fault in FAULTS:
@@ -134,13 +128,13 @@ def sample(half: str, faults: int = 1, right: int = QUICK_FAULTLESS) -> list[Rec
         sizes = sorted(range(SIZES), key=lambda size: rank(half, fault, size))[:faults]
         wrong += [next(one for one in own if one.size == size) for size in sizes]
     plain: list[Recipe] = []
-    each = -(-right // len(FAMILIES[half]))
+    each = -(-QUICK_FAULTLESS // len(FAMILIES[half]))
     for family in FAMILIES[half]:
         own = _cheapest([one for one in faultless(half) if one.family == family])
         plain += own[:each]
     cheap = _cheapest(special(half))
-    plain = plain[:right] + [next(o for o in cheap if o.family == f) for f in SPECIAL[half]]
-    return _in_order(plain, wrong)
+    odd = [next(one for one in cheap if one.family == family) for family in SPECIAL[half]]
+    return _in_order(plain[:QUICK_FAULTLESS] + odd, wrong)
 
 
 def _cheapest(recipes: Iterable[Recipe]) -> list[Recipe]:

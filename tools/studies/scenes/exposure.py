@@ -1,4 +1,4 @@
-"""How one image comes about: where its camera really stands, what it sees, what its lens does."""
+"""How an image comes about: where its camera stands, what its lens does, noise, and numbers."""
 
 from __future__ import annotations
 
@@ -11,8 +11,10 @@ from scipy.ndimage import gaussian_filter, uniform_filter1d
 
 from rigs import Camera
 from studies.scenes.fields import Field
-from studies.scenes.forward import radiance
-from studies.scenes.media import Absorber, Bending
+from studies.scenes.forward import NO_GAS, radiance
+from studies.scenes.media import Gas
+from tomo import Corrections
+from tomo.simulation import camera_noise
 
 LIT = 0.02
 """Fraction of an image's maximum above which a pixel counts as showing the flame."""
@@ -23,6 +25,20 @@ GHOST_SHIFT = 0.15
 VEIL_WIDTH = 0.2
 """Standard deviation of scattered light around its source, over the image's width."""
 
+CLEAN, TWELVE_BIT, GAUSSIAN = NOISES = ("clean", "12 bit", "10 %")
+BRIGHTEST = 0.85
+"""The brightest pixel of faultless images without noise, over full scale."""
+
+PHOTONS, READ_NOISE = 5000.0, 8.0
+"""Electrons in the brightest pixel, and of the read-out: 1.4 % and 0.16 % of the maximum."""
+
+BITS = 12
+FULL = 2**BITS - 1
+PEDESTAL = 100 / FULL
+"""What 12-bit cameras add to every pixel, and scans know as dark: noise is not cut off at 0."""
+
+FRACTION = 0.10
+
 
 @dataclass(frozen=True)
 class Exposure:
@@ -30,11 +46,7 @@ class Exposure:
 
     camera: Camera  # as it really stands, which may differ from what the rig says
     field: Field
-    # self_absorption, absorption: see `studies.scenes.forward.radiance`
-    self_absorption: float = 0.0
-    absorption: float = 0.0
-    absorber: Absorber | None = None
-    bending: Bending | None = None  # the same
+    gas: Gas = NO_GAS
     blur: float = 0.0  # standard deviation of a Gaussian blur, in pixels
     motion: int = 1  # columns over which the image is smeared
     ghost: float = 0.0  # fraction of the light that is seen once more, mirrored and beside itself
@@ -64,19 +76,11 @@ class Exposure:
     @property
     def sight(self) -> tuple[Any, ...]:
         """All that `light` depends on."""
-        gas = self.self_absorption, self.absorption, self.absorber, self.bending
-        return self.camera, self.field, *gas
+        return self.camera, self.field, self.gas
 
     def light(self) -> NDArray[np.float64]:
         """Return what arrives at the lens, ``(height, width)``, in the field's unit."""
-        return radiance(
-            self.camera,
-            self.field,
-            self_absorption=self.self_absorption,
-            absorption=self.absorption,
-            absorber=self.absorber,
-            bending=self.bending,
-        )
+        return radiance(*self.sight)
 
     def image(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the image without noise of ``light`` in units of full scale."""
@@ -127,3 +131,41 @@ class Exposure:
         rows, columns = np.indices(shape)
         square = (rows - middle[0]) ** 2 + (columns - middle[1]) ** 2
         return 1 - self.vignetting * square / np.square(middle).sum()
+
+
+def recorded(
+    image: NDArray[np.float64], noise: str, seed: tuple[int, int], most: float = np.inf
+) -> NDArray:
+    """Return what a camera records of an image in units of full scale, at most ``most``.
+
+    `NOISES` are none; photons and read-out in 12 bits, uint16; and white noise of a tenth of
+    `BRIGHTEST` in every pixel. The seed is the scene's, with the number of the camera: what is
+    wrong with one image leaves the noise of the others as it is.
+    """
+    random = np.random.default_rng(seed)
+    if noise == TWELVE_BIT:
+        counted = camera_noise.poisson(image, PHOTONS, READ_NOISE, random, maximum=BRIGHTEST)
+        return camera_noise.quantise(np.minimum(counted, most) + PEDESTAL, BITS, 1.0)
+    if noise == GAUSSIAN:
+        image = camera_noise.gaussian(image, FRACTION, random, maximum=BRIGHTEST)
+    return np.minimum(image, most).astype(np.float32)
+
+
+def stored(image: NDArray, noise: str, gamma: float, dead: str) -> NDArray:
+    """Return what is kept of a recorded image: 8 bits along a gamma curve, or one value of all.
+
+    The range of numbers stays, and the pedestal, which is taken away before the curve.
+    """
+    pedestal, full = (PEDESTAL * FULL, FULL) if noise == TWELVE_BIT else (0.0, 1.0)
+    if dead:
+        return np.full_like(image, 0 if dead == "zeros" else round(pedestal))
+    if gamma != 1:
+        light = np.clip((image.astype(np.float64) - pedestal) / full, 0, 1) ** (1 / gamma)
+        kept = np.rint(255 * light) / 255 * full + pedestal
+        image = (np.rint(kept).clip(max=full) if noise == TWELVE_BIT else kept).astype(image.dtype)
+    return image
+
+
+def corrections(noise: str) -> Corrections | None:
+    """Return what a scan knows of such cameras."""
+    return Corrections(dark=PEDESTAL, bit_depth=BITS) if noise == TWELVE_BIT else None

@@ -13,7 +13,7 @@ from rigs.geometry.rotation import matrix_of_vector
 from studies.scenes import cameras
 from studies.scenes.exposure import Exposure
 from studies.scenes.fields import LaterField, WithLamp
-from studies.scenes.media import Absorber, Cloud, HotCore, Sheath
+from studies.scenes.media import Gas, cloud, hot_core, sheath
 
 Exposures = tuple[Exposure, ...]
 
@@ -56,6 +56,11 @@ def _one(exposures: Exposures, view: int, **changes: Any) -> Exposures:
 def _all(exposures: Exposures, **changes: Any) -> Exposures:
     """Return exposures that are all changed alike."""
     return tuple(replace(one, **changes) for one in exposures)
+
+
+def _through(exposures: Exposures, **gas: Any) -> Exposures:
+    """Return exposures through the same gas."""
+    return _all(exposures, gas=Gas(**gas))
 
 
 def _moved(
@@ -105,10 +110,7 @@ def walked(one: Exposure, setting: Setting) -> Camera:
 
 
 def swapped(exposures: Exposures, setting: Setting) -> Exposures:
-    """Return exposures of which two have each other's image, a fraction ``size`` of the rig apart.
-
-    The images have one size: a camera of another size is passed over.
-    """
+    """Return exposures of which two have each other's image, ``size`` rigs apart."""
     first, number = exposures[setting.view].camera, _other(exposures, setting)
     other = exposures[number].camera
     return _one(_one(exposures, setting.view, camera=other), number, camera=first)
@@ -175,17 +177,13 @@ def two_at_once(exposures: Exposures, setting: Setting) -> Exposures:
 
 def clouded(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures past a cloud beside the flame, of the optical depth ``size``."""
-    cloud = Cloud(exposures[0].field.grid, setting.size, setting.random.uniform(0, 2 * np.pi))
-    return _absorbing(exposures, cloud)
+    angle = setting.random.uniform(0, 2 * np.pi)
+    return _through(exposures, absorber=cloud(exposures[0].field.grid, setting.size, angle))
 
 
 def sheathed(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures through a sheath around the flame, of the optical depth ``size``."""
-    return _absorbing(exposures, Sheath(exposures[0].field.grid, setting.size))
-
-
-def _absorbing(exposures: Exposures, absorber: Absorber) -> Exposures:
-    return _all(exposures, absorber=absorber)
+    return _through(exposures, absorber=sheath(exposures[0].field.grid, setting.size))
 
 
 def unequally_dimmed(exposures: Exposures, setting: Setting) -> Exposures:
@@ -198,7 +196,7 @@ def unequally_dimmed(exposures: Exposures, setting: Setting) -> Exposures:
 
 def bent(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures through hot gas that displaces rays by up to ``size`` voxels."""
-    return _all(exposures, bending=HotCore(exposures[0].field.grid, setting.size))
+    return _through(exposures, bending=hot_core(exposures[0].field.grid, setting.size))
 
 
 def mirrored(exposures: Exposures, setting: Setting) -> Exposures:
@@ -208,10 +206,7 @@ def mirrored(exposures: Exposures, setting: Setting) -> Exposures:
 
 
 def lit_by_lamp(exposures: Exposures, setting: Setting) -> Exposures:
-    """Return exposures that see a lamp outside of the grid, ``size`` times as bright as the flame.
-
-    Its brightest line of sight is ``size`` times the flame's.
-    """
+    """Return exposures that see a lamp outside of the grid; ``size`` is for brightest lines."""
     field = exposures[0].field
     across = np.sqrt(2 * np.pi) * 1.5 * field.grid.spacing[0]
     strength = setting.size * setting.brightest / across
@@ -220,17 +215,18 @@ def lit_by_lamp(exposures: Exposures, setting: Setting) -> Exposures:
 
 def self_absorbed(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures of gas of the optical depth ``size`` along the brightest line of sight."""
-    return _all(exposures, self_absorption=setting.size / setting.brightest)
+    return _through(exposures, self_absorption=setting.size / setting.brightest)
 
 
 def absorbed(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures through a medium of the optical depth ``size`` across the grid."""
-    return _all(exposures, absorption=setting.size / exposures[0].field.grid.extent[0])
+    return _through(exposures, absorption=setting.size / exposures[0].field.grid.extent[0])
 
 
 def out_of_step(exposures: Exposures, setting: Setting) -> Exposures:
     """Return exposures of which one is of another moment: gas ``size`` voxels away."""
-    later = LaterField(exposures[setting.view].field, setting.size)
+    field = exposures[setting.view].field
+    later = LaterField(field.family, field.seed, field.grid, setting.size)
     return _one(exposures, setting.view, field=later)
 
 

@@ -75,13 +75,7 @@ class Field(Protocol):
 
 @dataclass(frozen=True)
 class KnownField:
-    """A member of a family of fields, sized for a grid of cubic voxels.
-
-    Raises
-    ------
-    ValueError
-        If there is no such family.
-    """
+    """A member of a family of fields, sized for a grid of cubic voxels."""
 
     family: str  # one of `FAMILIES`
     seed: int  # selects the member; equal seeds give the same field
@@ -107,42 +101,34 @@ class KnownField:
 
     def __call__(self, points: ArrayLike) -> NDArray[np.float32]:
         """Return the emission ``(...)``, not negative, at ``points`` ``(..., 3)``."""
-        return _evaluated(self.shape, _in_voxels(self.grid, points))
+        away = np.asarray(points, np.float64) - self.grid.center
+        flat = (away / self.grid.spacing[0]).astype(np.float32).reshape(-1, 3)
+        found = np.zeros(len(flat), np.float32)
+        for start in range(0, len(flat), POINTS_AT_ONCE):
+            part = slice(start, start + POINTS_AT_ONCE)
+            found[part] = np.maximum(self.shape(flat[part]), 0)
+        return found.reshape(away.shape[:-1])
 
 
 @dataclass(frozen=True)
-class LaterField:
+class LaterField(KnownField):
     """A field at another moment: its gas displaced by a smooth random motion."""
 
-    field: KnownField
     distance: float  # root mean square of each component of the displacement, in voxels
-
-    @property
-    def grid(self) -> VoxelGrid:
-        """The grid of the field."""
-        return self.field.grid
-
-    @property
-    def reach(self) -> tuple[NDArray, NDArray]:
-        """The box outside of which there is no light."""
-        return self.field.reach
 
     @cached_property
     def shape(self) -> Shape:
         """The emission at points in voxels from the grid's middle."""
-        random = np.random.default_rng([self.field.seed, 1])
+        still = KnownField(self.family, self.seed, self.grid).shape
+        random = np.random.default_rng([self.seed, 1])
         longest = float(max(self.grid.shape))
         motions = [waves(random, 3, longest / 2, 1.5 * longest) for _ in range(3)]
 
         def emission(points: NDArray[np.float32]) -> NDArray[np.float32]:
             moved = np.stack([motion(points) for motion in motions], axis=1)
-            return self.field.shape(points + np.float32(self.distance) * moved)
+            return still(points + np.float32(self.distance) * moved)
 
         return emission
-
-    def __call__(self, points: ArrayLike) -> NDArray[np.float32]:
-        """Return the emission ``(...)``, not negative, at ``points`` ``(..., 3)``."""
-        return _evaluated(self.shape, _in_voxels(self.grid, points))
 
 
 @dataclass(frozen=True)
@@ -183,17 +169,3 @@ class WithLamp:
         inside = ((points >= self.field.reach[0]) & (points <= self.field.reach[1])).all(axis=-1)
         lamp = (self.strength * np.exp(-0.5 * square)).astype(np.float32)
         return np.where(inside, self.field(points), 0) + lamp
-
-
-def _in_voxels(grid: VoxelGrid, points: ArrayLike) -> NDArray[np.float32]:
-    away = np.asarray(points, np.float64) - grid.center
-    return (away / grid.spacing[0]).astype(np.float32)
-
-
-def _evaluated(shape: Shape, points: NDArray[np.float32]) -> NDArray[np.float32]:
-    flat = points.reshape(-1, 3)
-    found = np.zeros(len(flat), np.float32)
-    for start in range(0, len(flat), POINTS_AT_ONCE):
-        part = slice(start, start + POINTS_AT_ONCE)
-        found[part] = np.maximum(shape(flat[part]), 0)
-    return found.reshape(points.shape[:-1])

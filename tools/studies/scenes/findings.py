@@ -61,14 +61,9 @@ def verdict_of(report: Mapping[str, Any]) -> str:
 
 
 def named(expected: Sequence[Sequence[Any]], findings: Sequence[Sequence[Any]]) -> bool:
-    """Return whether a fault is named: each of its effects, with its camera.
+    """Return whether a fault is named: each effect `KnownScene.expected`, with its camera.
 
-    Parameters
-    ----------
-    expected : sequence of (sequence of str, str or None)
-        See `studies.scenes.scene.KnownScene.expected`.
-    findings : sequence of (effect, camera)
-        The first two effects of a camera count; of all, where no camera is asked for.
+    The first two effects of a camera count; of all, where no camera is asked for.
     """
     for names, camera in expected:
         own = (effect for effect, whose in findings if camera in (whose, None))

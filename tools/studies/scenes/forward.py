@@ -13,7 +13,7 @@ from scipy.ndimage import maximum_filter
 
 from rigs.camera_protocol import CameraLike
 from studies.scenes.fields import Field
-from studies.scenes.media import Absorber, Bending, displacements
+from studies.scenes.media import Gas, displacements
 
 STEP = 0.25
 """Voxels between two samples of a ray. Sheets half a voxel thick are added to 1e-6."""
@@ -25,6 +25,7 @@ SAMPLES_AT_ONCE = 1 << 18
 DARK = 1e-6
 """Fraction of the brightest below which emission is not sampled."""
 
+NO_GAS = Gas()
 LOOKS = 3
 """Points along each side of a cell that is looked into before it counts as dark."""
 
@@ -32,38 +33,16 @@ LOOKS = 3
 def radiance(
     camera: CameraLike,
     field: Field,
+    gas: Gas = NO_GAS,
     *,
-    self_absorption: float = 0.0,
-    absorption: float = 0.0,
-    absorber: Absorber | None = None,
-    bending: Bending | None = None,
     supersample: int = SUPERSAMPLE,
     step: float = STEP,
 ) -> NDArray[np.float64]:
     """Return the image ``(height, width)`` that a camera takes of a field.
 
-    Parameters
-    ----------
-    camera : CameraLike
-    field : Field
-    self_absorption : float
-        ``q``: the light of a point is dimmed by ``exp(-q E)``, ``E`` the integral of the emission
-        between the point and the camera.
-    absorption : float
-        ``a``: it is dimmed by ``exp(-a L)`` too, ``L`` the length inside the field's grid.
-    absorber : Absorber, optional
-        It is dimmed by ``exp`` of minus the integral of this extinction in front of it as well.
-    bending : Bending, optional
-        Rays are bent by this gradient of the refractive index, by a voxel at the most.
-    supersample : int
-        Rays along each side of a pixel.
-    step : float
-        Length between two samples, in voxels, at the most.
-
-    Notes
-    -----
-    A step of the length ``h`` with the emission ``e`` behind ``E`` gives
-    ``exp(-q E) (1 - exp(-q e h)) / q``, which is exact for emission that is constant in it.
+    ``supersample`` rays lie along each side of a pixel, two samples at most ``step`` voxels apart.
+    A step of the length ``h`` with the emission ``e`` behind ``E``, at the self-absorption ``q``,
+    gives ``exp(-q E) (1 - exp(-q e h)) / q``: exact for emission that is constant in it.
     """
     width, height = camera.image_size
     offsets = (np.arange(supersample) + 0.5) / supersample - 0.5
@@ -72,23 +51,15 @@ def radiance(
     for right in offsets:
         for down in offsets:
             uv = np.stack([columns + right, rows + down], axis=-1).reshape(-1, 2)
-            lines = camera.rays(uv)
-            light = _light(*lines, field, self_absorption, absorption, absorber, bending, step)
-            image += light.reshape(height, width)
+            image += _light(*camera.rays(uv), field, gas, step).reshape(height, width)
     return image / supersample**2
 
 
 def _light(
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    field: Field,
-    self_absorption: float,
-    absorption: float,
-    absorber: Absorber | None,
-    bending: Bending | None,
-    step: float,
+    origins: NDArray, directions: NDArray, field: Field, gas: Gas, step: float
 ) -> NDArray[np.float64]:
     """Return what rays see of a field, ``(rays,)``."""
+    self_absorption, absorption, absorber, bending = gas
     grid, found = field.grid, np.zeros(len(origins))
     first, last = crossing(origins, directions, *field.reach)
     hit = np.flatnonzero(last > first)
@@ -122,10 +93,7 @@ def _light(
 
 
 def crossing(
-    origins: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    lower: NDArray[np.float64],
-    upper: NDArray[np.float64],
+    origins: NDArray, directions: NDArray, lower: NDArray, upper: NDArray
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return where rays enter and leave a box, ``(rays,)``; those that miss leave before."""
     slope = np.where(np.abs(directions) < 1e-12, 1e-12, directions)
@@ -137,11 +105,7 @@ def crossing(
 
 
 def _sampled(
-    field: Field,
-    origins: NDArray[np.float64],
-    along: NDArray[np.float64],
-    directions: NDArray[np.float64],
-    off: NDArray[np.float64] | None = None,
+    field: Field, origins: NDArray, along: NDArray, directions: NDArray, off: NDArray | None
 ) -> NDArray[np.float64]:
     """Return the emission ``(rays, count)`` at distances along rays; dark cells are left out.
 

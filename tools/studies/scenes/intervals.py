@@ -13,8 +13,8 @@ from collections.abc import Sequence
 
 from studies.common.study import Progress, Tables
 from studies.scenes.design import FAULTY, QUICK_VIEWS, faultless, rank, special
+from studies.scenes.exposure import TWELVE_BIT
 from studies.scenes.recipe import SEEDS, Recipe
-from studies.scenes.recording import TWELVE_BIT
 from studies.scenes.trial import Row, Trials
 
 FAIR = (0.85, 0.98)

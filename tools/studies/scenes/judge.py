@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -21,12 +21,11 @@ import numpy as np
 
 from rigs.files.text import plain, write_json
 from studies.common.study import Progress
-from studies.scenes.design import everything, sample
 from studies.scenes.faults import FAULTS
 from studies.scenes.findings import essence, findings_of, verdict_of
 from studies.scenes.processes import at_work, warm_up
 from studies.scenes.recipe import VERSION, Recipe
-from studies.scenes.scene import KnownScene, known_scene
+from studies.scenes.scene import known_scene
 from tomo import Options, reconstruct
 
 Row = dict[str, Any]
@@ -47,22 +46,10 @@ CHANGED = 1e-3
 something was corrected."""
 
 
-def scenes(half: str, *, quick: bool = True, cache: Path | None = None) -> Iterator[KnownScene]:
-    """Yield the scenes of a half, or its sample: ``scan``, ``truth``, ``recipe``, ``expected``.
-
-    The same scene without its fault is ``known_scene(scene.recipe.faultless, cache)``.
-    """
-    for recipe in sample(half) if quick else everything(half):
-        yield known_scene(recipe, cache)
-
-
 def uncorrected(**more: Any) -> Options:
     """Return options that switch off all that checks or corrects, and ``more``.
 
-    Raises
-    ------
-    ValueError
-        If options have none of `UNCORRECTED` but the intervals: the table is to be extended.
+    Where a tree has none of `UNCORRECTED` but the intervals, the table is to be extended.
     """
     known = {field.name for field in fields(Options)}
     found = {name: value for name, value in UNCORRECTED.items() if name in known}
@@ -120,12 +107,7 @@ def extend(
     """Return the rows of a file, by the recipes' keys, after those that it lacks were added.
 
     Each is written as it is there: a run that was interrupted goes on. No scene is begun after
-    ``seconds``.
-
-    Raises
-    ------
-    ValueError
-        If the file has rows of other options, or of another version of the scenes.
+    ``seconds``. A file of other options, or of another version of the scenes, is refused.
     """
     how = plain({"version": VERSION, "options": dict(options or {})})
     rows = read_rows(path, how) if path.is_file() else {}

@@ -15,8 +15,8 @@ from typing import Any
 
 from studies.common.study import Progress, Tables
 from studies.scenes.design import FAULTY
+from studies.scenes.exposure import TWELVE_BIT
 from studies.scenes.recipe import FIRST_LARGE, SEEDS, Recipe
-from studies.scenes.recording import TWELVE_BIT
 from studies.scenes.trial import Row, Trials
 
 RIG = "two-level-16"

@@ -6,19 +6,14 @@ import ast
 import inspect
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from importlib import import_module
 from typing import Any
+from unittest import mock
 
 
 def parsed(settings: Sequence[str], option: str) -> dict[str, Any]:
-    """Return ``NAME=VALUE`` settings as a mapping; values as Python writes them, else as text.
-
-    Raises
-    ------
-    ValueError
-        Naming ``option``, if one has no ``=``.
-    """
+    """Return ``NAME=VALUE`` settings as a mapping; values as Python writes them, else as text."""
     found = {}
     for setting in settings:
         name, sign, value = setting.partition("=")
@@ -37,14 +32,8 @@ def patched(constants: Mapping[str, Any]) -> Iterator[None]:
 
     Modules that have imported the constant by its name see the other value too. Default arguments
     do not, nor do kernels that are compiled already.
-
-    Raises
-    ------
-    ValueError
-        If there is no such module or constant.
     """
-    changed = []
-    try:
+    with ExitStack() as changes:
         for path, value in constants.items():
             module, _, name = path.rpartition(".")
             try:
@@ -55,12 +44,8 @@ def patched(constants: Mapping[str, Any]) -> Iterator[None]:
                     "tomo.solvers.curvature.FIRST"
                 ) from None
             for holder in _holders(module, name, before):
-                changed.append((holder, name, before))
-                setattr(holder, name, value)
+                changes.enter_context(mock.patch.object(holder, name, value))
         yield
-    finally:
-        for holder, name, before in reversed(changed):
-            setattr(holder, name, before)
 
 
 def _holders(module: str, name: str, value: Any) -> list[Any]:

@@ -7,12 +7,12 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from contextlib import contextmanager
 from functools import cache as once
 from typing import Any
+from unittest import mock
 
+from studies.scenes.exposure import TWELVE_BIT
 from studies.scenes.recipe import Recipe
-from studies.scenes.recording import TWELVE_BIT
 from studies.scenes.scene import known_scene
 
 MOST = 2
@@ -26,10 +26,11 @@ def at_work(
 ) -> Iterator[tuple[Any, Any]]:
     """Yield keys and results of jobs, given by their arguments, as they are done.
 
-    None is begun after ``seconds``.
+    None is begun after ``seconds``. Processes use one thread: two of them share two cores.
     """
     started = time.monotonic()
-    with _one_thread_each(), _pool(processes) as pool:
+    one_thread = dict.fromkeys(("NUMBA_NUM_THREADS", "OMP_NUM_THREADS"), "1")
+    with mock.patch.dict(os.environ, one_thread), _pool(processes) as pool:
         running = {pool.submit(function, *job): key for key, job in jobs.items()}
         try:
             for done in as_completed(running):
@@ -58,19 +59,3 @@ def _cancel(running: Iterable[Future[Any]]) -> None:
 
 def _pool(processes: int) -> ProcessPoolExecutor:
     return ProcessPoolExecutor(processes, multiprocessing.get_context("spawn"))
-
-
-@contextmanager
-def _one_thread_each() -> Iterator[None]:
-    """Let processes that start meanwhile use one thread: two of them share two cores."""
-    names = ("NUMBA_NUM_THREADS", "OMP_NUM_THREADS")
-    before = {name: os.environ.get(name) for name in names}
-    os.environ.update(dict.fromkeys(names, "1"))
-    try:
-        yield
-    finally:
-        for name, value in before.items():
-            if value is None:
-                del os.environ[name]
-            else:
-                os.environ[name] = value

@@ -6,9 +6,9 @@ import hashlib
 import json
 from dataclasses import asdict, dataclass, replace
 
+from studies.scenes.exposure import NOISES
 from studies.scenes.faults import KNOWN, SIZES
 from studies.scenes.fields import FAMILIES, REPORT, SETTLE, SPECIAL_REPORT, SPECIAL_SETTLE
-from studies.scenes.recording import NOISES
 from tomo import VoxelGrid
 
 VERSION = 2
@@ -34,13 +34,7 @@ CENTER = (1.3, -0.7, 0.4)
 
 @dataclass(frozen=True)
 class Recipe:
-    """Everything that determines a scene.
-
-    Raises
-    ------
-    ValueError
-        If there is no such half, noise or fault, or the family or the seed is not of the half.
-    """
+    """Everything that determines a scene; what is not of its half is refused."""
 
     half: str  # one of `HALVES`
     family: str  # of the half's fields

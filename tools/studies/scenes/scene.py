@@ -16,11 +16,10 @@ from rigs import Rig
 from rigs.files import atomic_path
 from rigs.files.size_guard import read_arrays
 from studies.scenes import cameras
-from studies.scenes.exposure import Exposure
+from studies.scenes.exposure import BRIGHTEST, CLEAN, Exposure, corrections, recorded, stored
 from studies.scenes.faults import KNOWN, Exposures, Setting
 from studies.scenes.fields import KnownField
 from studies.scenes.recipe import Recipe
-from studies.scenes.recording import BRIGHTEST, CLEAN, corrections, recorded, stored
 from tomo import Scan, VoxelGrid
 
 TRUTH_POINTS = 6
