@@ -11,9 +11,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
-from studies.common.study import Progress, Tables
+from studies.common.study import Progress, Request, Tables
 from studies.scenes.design import FAULTY
 from studies.scenes.exposure import TWELVE_BIT
 from studies.scenes.recipe import FIRST_LARGE, SEEDS, Recipe
@@ -34,12 +36,13 @@ METHODS: Mapping[str, Mapping[str, Any]] = {
 }
 ERRORS = "nrmse", "cosine_distance"
 
-COLUMNS = {
-    "nrmse": "optics default times wernet of_default kept without mlem",
-    "cosine_distance": "optics default times wernet of_default kept without mlem",
-    "cpu_seconds": "optics default wernet without mlem",
-    "scenes": "",
-}
+
+def run(request: Request) -> Tables:
+    """Return the benchmark's part: the half that rules are settled on, in one process."""
+    with TemporaryDirectory() as folder:
+        trials = Trials(Path(folder) / "scenes", Path(folder) / "rows", processes=1)
+        quick = request.size != "full"
+        return learned(trials, "settle", quick=quick, progress=request.progress)
 
 
 def recipes(half: str, *, quick: bool = False) -> list[Recipe]:
@@ -57,11 +60,7 @@ def learned(trials: Trials, half: str, *, quick: bool, progress: Progress) -> Ta
         options = {"uncertainty": 0, **trials.options, **how}
         found[name] = replace(trials, options=options).run(scenes, progress)
     tables = {key: [_errors(found, key, n) for n in range(len(scenes))] for key in ERRORS}
-    return {
-        **tables,
-        "cpu_seconds": [_row(found, "cpu_seconds", n) for n in range(len(scenes))],
-        "scenes": [{"by": name} | row for name, rows in found.items() for row in rows],
-    }
+    return tables | {"cpu_seconds": [_row(found, "cpu_seconds", n) for n in range(len(scenes))]}
 
 
 def _row(found: Mapping[str, list[Row]], key: str, number: int) -> Row:
