@@ -7,7 +7,7 @@ from importlib import import_module
 
 import numpy as np
 import pytest
-from studies.scenes import accuracy, cameras, design, learned, oracle, patches, processes, trial
+from studies.scenes import cameras, design, learned, oracle, parts, patches, processes, trial
 from studies.scenes.faults import FAULTS
 from studies.scenes.recipe import HALVES, Recipe
 from studies.scenes.scene import KnownScene
@@ -77,7 +77,7 @@ def test_an_interrupted_run_goes_on_where_it_is_asked_to(rows, trials):
 
 
 def test_errors_are_summed_up_by_family_views_and_noise(rows, trials):
-    tables = accuracy.accuracy(trials, "settle", quick=True, progress=silent)
+    tables = parts.accuracy(trials, "settle", quick=True, progress=silent)
     assert all(oracle for *_, oracle in rows)
     assert tables["overall"][0]["scenes"] == len(design.FAMILIES["settle"])
     assert sum(row["scenes"] for row in tables["by_noise"]) == len(design.FAMILIES["settle"])
@@ -191,20 +191,16 @@ def test_bad_input_is_one_line(run_tool, tmp_path, arguments, words):
 
 @pytest.mark.parametrize("half", HALVES)
 def test_intervals_are_measured_with_a_camera_out_in_every_field_of_a_half(half):
-    from studies.scenes.intervals import camera_out
-
-    found = camera_out(half)
+    found = parts.camera_out(half)
     assert {one.family for one in found} == set(design.FAULTY[half][0])
-    assert len(set(found)) == len(found) == 2 * len(camera_out(half, quick=True))
+    assert len(set(found)) == len(found) == 2 * len(parts.camera_out(half, quick=True))
 
 
 @pytest.mark.parametrize("half", HALVES)
 def test_a_quick_measure_of_intervals_has_fine_detail_and_faults(half):
-    from studies.scenes.intervals import FINE, sample
-
-    found = sample(half)
+    found = parts.sample(half)
     assert len(set(found)) == len(found) == 20
     assert {one.family for one in found} == set(HALVES[half])
     faulty = [one for one in found if one.fault]
     assert len(faulty) == len(design.FAULTY[half][0])
-    assert sum(one.family in FINE for one in found if not one.fault) == 4
+    assert sum(one.family in parts.FINE for one in found if not one.fault) == 4

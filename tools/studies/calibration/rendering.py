@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from rigs.calibrate.targets.boards import Target
 
 _CHANGE = 1e-3  # grey values between a pixel's corners, above which one ray does not do
-_MARGIN = (
-    2  # pixels round the board's outline that are rendered with it: lenses bend straight lines
-)
+_MARGIN = 2  # pixels round the board's outline that are rendered too: lenses bend straight lines
 
 
 @dataclass(frozen=True)
@@ -36,17 +34,11 @@ class Exposure:
 
 
 class Board:
-    """A printed target as RaycastingScene sees it.
+    """A printed target as RaycastingScene sees it, from where z is negative.
 
-    Parameters
-    ----------
-    image : (rows, columns) uint8
-        The print: 0 is ink, 255 paper.
-    corner : (2,) array_like
-        Where the outer corner of its top-left pixel lies in the target's axes; x grows with the
-        columns, y with the rows, and the print is seen from where z is negative.
-    texel : float
-        A pixel's edge length in the target's unit.
+    ``image`` ``(rows, columns)`` uint8 is the print, 0 ink and 255 paper. The outer corner of its
+    top-left pixel lies at ``corner`` in the target's axes; x grows with columns, y with rows. A
+    pixel's edge is ``texel`` long, in the target's unit.
     """
 
     def __init__(self, image: NDArray[np.uint8], corner: NDArray, texel: float) -> None:
@@ -87,13 +79,8 @@ class Board:
     ) -> NDArray[np.float32]:
         """Return what rays see of the print: 0 for ink to 1 for paper, NaN outside and behind it.
 
-        Open3D says whether a ray meets the board; where it does follows in float64.
-
-        Parameters
-        ----------
-        origin : (3,) float64
-            In the target's axes.
-        directions : (N, 3) float64
+        Origin and directions ``(N, 3)`` are in the target's axes. Open3D says whether a ray meets
+        the board; where it does follows in float64.
         """
         with np.errstate(divide="ignore", invalid="ignore"):
             distance = -origin[2] / directions[:, 2]
@@ -121,14 +108,9 @@ class Board:
 
 
 class Photographer:
-    """Takes one camera's pictures of boards; its rays are found once.
+    """Takes one camera's pictures of boards, by K x K rays a pixel where the board changes.
 
-    Parameters
-    ----------
-    camera : Camera
-        With any lens that sees what is in front of it alone.
-    rays_per_side : int
-        K x K rays a pixel where the board changes.
+    The lens sees what is in front of it alone; its rays are found once.
     """
 
     def __init__(self, camera: Camera, rays_per_side: int = 4) -> None:
@@ -151,12 +133,7 @@ class Photographer:
     ) -> NDArray[np.float64]:
         """Return the blurred image without noise, ``(height, width)`` grey values.
 
-        Parameters
-        ----------
-        board : Board
-        R, t : (3, 3) and (3,) float64
-            Where it is: ``x_world = R @ x_target + t``.
-        exposure : Exposure, optional
+        The board is where ``x_world = R @ x_target + t``.
         """
         from scipy.ndimage import gaussian_filter
 

@@ -84,12 +84,7 @@ def held(
 ) -> tuple[NDArray, NDArray]:
     """Return targets' poses, ``(count, 3, 3)`` and ``(count, 3)``: ``x_world = R x_target + t``.
 
-    Parameters
-    ----------
-    poses : Poses
-    middle : (3,) float64
-        The target's middle in its own axes.
-    generator : numpy.random.Generator
+    ``middle`` is the target's in its own axes.
     """
     from scipy.spatial.transform import Rotation
 
@@ -120,13 +115,9 @@ def photograph(
     exposure: Exposure | None = None,
     workers: int = 2,
 ) -> dict[str, dict[str, Path]]:
-    """Write every camera's picture of every pose as ``folder/<camera>/<frame>.png``.
+    """Write every camera's picture of every pose; return ``images[camera][frame]``, the files.
 
-    Returns
-    -------
-    images : dict
-        ``images[camera][frame]`` is a file. A camera that would see the back of the target, or
-        nothing of it, takes no picture.
+    A camera that would see the back of the target, or nothing of it, takes no picture.
     """
     import cv2
 

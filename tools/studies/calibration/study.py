@@ -31,20 +31,10 @@ from studies.common.study import Request, Tables
 
 
 def true_ray_miss(true: Rig, estimated: Rig, volume: Volume, points_per_side: int = 5) -> float:
-    """Return the RMS distance of estimated rays from their best common point.
+    """Return the RMS distance of estimated rays from their best common point, in their unit.
 
-    Points of the volume are projected with the true cameras, and the pixels cast back with the
-    estimated ones of the same names.
-
-    Parameters
-    ----------
-    true : Rig
-        In whose world the volume is.
-    estimated : Rig
-        In any world and unit: the distance comes in that unit.
-    volume : Volume
-    points_per_side : int
-        Of the grid of points, the volume's faces included.
+    Points of the volume, its faces included, are projected with the true cameras, and the pixels
+    cast back with the estimated ones of the same names.
     """
     corners = volume.corners()
     points = box_points(corners[0], corners[-1], points_per_side)
@@ -64,14 +54,6 @@ def of_complete_targets(observations: Observations) -> Observations:
 
 Row = dict[str, Any]
 
-COLUMNS = {
-    "rendered": "case seed images_used points_used points_left_out detection_error_px rms_px "
-    "true_ray_miss predicted_ray_miss true_over_predicted cross_ray_miss cross_expected",
-    "against_opencv": "case seed opencv setting ours",
-    "peer": "",
-    "timing": "cameras frames points seconds core_seconds true_ray_miss predicted_ray_miss",
-}
-
 
 def run(request: Request) -> Tables:
     """Measure rendered rigs, OpenCV on the same, and time."""
@@ -79,8 +61,7 @@ def run(request: Request) -> Tables:
     cases, seed = CASES if full else TINY, request.seed + 1
     tables: Tables = {"rendered": [], "peer": []}
     with tempfile.TemporaryDirectory() as name:
-        for number, case in enumerate(cases):
-            request.progress(number, len(cases), case.words)
+        for case in request.each(cases, lambda case: case.words):
             images = pictures(case, seed, Path(name))
             row, observations = measured(case, seed, images)
             tables["rendered"].append(row)
@@ -99,19 +80,9 @@ def measured(
     observations = observe(images, target)
     if case.complete:
         observations = of_complete_targets(observations)
-    results = {}
-    for unit, scale, sightings in (
-        ("mm", 1.0, observations),
-        ("m", 1e-3, in_metres(observations)),
-    ):
-        calibration = calibrate(
-            sightings,
-            world={camera.name: camera.position * scale for camera in rig},
-            length_unit=unit,
-            volume=_in(rig, scale),
-        )
-        results[unit] = (calibration, true_ray_miss(rig, calibration.rig, rig.volume) / scale)
-    (found, miss), (_, miss_in_metres) = results["mm"], results["m"]
+    world = {camera.name: camera.position for camera in rig}
+    found = calibrate(observations, world=world, length_unit="mm", volume=rig.volume)
+    miss = true_ray_miss(rig, found.rig, rig.volume)
     error = detection_error(case, seed, observations)
     quality = found.quality
     return {
@@ -125,22 +96,11 @@ def measured(
         "rms_px": float(np.sqrt((found.residuals[found.used] ** 2).sum(axis=1).mean())),
         "footprint": float(np.median(rig.footprint(rig.volume.center))),
         "true_ray_miss": miss,
-        "true_ray_miss_from_metres": miss_in_metres,
         "predicted_ray_miss": quality.predicted_ray_miss,
         "true_over_predicted": miss / quality.predicted_ray_miss,
         "cross_ray_miss": quality.cross_ray_miss,
         "cross_expected": quality.cross_expected,
     }, observations
-
-
-def _in(rig: Rig, scale: float) -> Volume:
-    """Return the rig's volume in another unit."""
-    volume = rig.volume
-    return replace(
-        volume,
-        spacing=tuple(scale * edge for edge in volume.spacing),
-        center=tuple(scale * x for x in volume.center),
-    )
 
 
 def detection_error(case: Case, seed: int, observations: Observations) -> NDArray[np.float64]:

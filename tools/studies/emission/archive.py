@@ -44,13 +44,7 @@ def write_archive(path: Path, names: Iterable[str], cache: Path, grid: VoxelGrid
 def scored(
     folder: Path, names: Iterable[str], cache: Path, grid: VoxelGrid
 ) -> list[dict[str, Any]]:
-    """Return the errors of the volumes ``NAME.npy`` (or .nrrd, .vti ...) of a folder, a row each.
-
-    Raises
-    ------
-    ValueError
-        If there is no volume of a scene, or one is not of the scene's grid.
-    """
+    """Return the errors of the volumes ``NAME.npy`` (or .nrrd, .vti ...) of a folder."""
     rows = []
     for name in names:
         files = [folder / (name + ending) for ending in readable_endings()]

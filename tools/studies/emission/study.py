@@ -10,14 +10,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rigs.files import atomic_path
-from rigs.files.text import plain, write_json
+from rigs.files.text import plain, write_json, write_text
 from rigs.progress import progress_of
 from studies.common.axes import curves
 from studies.common.fingerprint import commit
-from studies.common.page import markdown
+from studies.common.page import markdown, sections
 from studies.common.results import fresh_run, kept_run, load
-from studies.common.study import Request, Tables
+from studies.common.study import Request, Tables, check_known
 from studies.emission import archive as archives
 from studies.emission.methods import METHODS, ours
 from studies.emission.scenes import GRID, QUICK, SCENES, TINY_GRID, VERSION, seen
@@ -131,10 +130,8 @@ def run(
     size = "tiny" if tiny else "quick" if quick else "full"
     grid, names = SIZES[size]
     with bad_input_in_one_line():
-        for option, given, known in (("--scene", scene, names), ("--method", method, METHODS)):
-            for name in given or ():
-                if name not in known:
-                    raise ValueError(f"{option}: found {name!r}, expected {', '.join(known)}")
+        check_known("--scene", scene or (), names)
+        check_known("--method", method or (), METHODS)
         names, cache = tuple(scene or names), out / "scenes"
         check_output_folder(out)
         if archive is not None:
@@ -213,12 +210,9 @@ def write(result: Mapping[str, Any], out: Path) -> None:
     rows = sorted(part["tables"]["rows"], key=key)
     part["tables"] = {"rows": rows, **plain(tables_of(rows), digits=5)}
     write_json(out / "emission.json", result, indent=1)
-    lines = ["# Error against run time"]
-    for name, table in part["tables"].items():
-        if name != "rows":
-            lines += ["", f"**{name.replace('_', ' ')}**", "", markdown(table)]
-    with atomic_path(out / "emission.md") as temporary:
-        temporary.write_text("\n".join(lines) + "\n", "utf-8")
+    shown = {name: table for name, table in part["tables"].items() if name != "rows"}
+    lines = ["# Error against run time", *sections(shown)]
+    write_text(out / "emission.md", "\n".join(lines) + "\n")
 
 
 @once

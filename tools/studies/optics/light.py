@@ -88,12 +88,7 @@ STEP = 2.0
 def image(sight: Sight, flame: Flame, extinction: float = 0.0) -> NDArray[np.float64]:
     """Return the image ``(height, width)``: the mean over a pixel's rays of line integrals.
 
-    Parameters
-    ----------
-    sight : Sight
-    flame : Flame
-    extinction : float
-        ``a``: light is dimmed by ``exp(-a L)``, with the length ``L`` of its way in the grid.
+    Light is dimmed by ``exp(-a L)``, with the extinction ``a`` and the length ``L`` in the grid.
     """
     width, height = sight.camera.image_size
     columns, rows = np.meshgrid(np.arange(width), np.arange(height))

@@ -31,18 +31,7 @@ def pictures_of(part: str) -> tuple[str, ...]:
 
 
 def draw(part: str, rows: Mapping[str, Row], records: Records, out: Path) -> None:
-    """Draw a part's pictures from the rows that are done.
-
-    Parameters
-    ----------
-    part : str
-    rows : mapping of str to Row
-        As they were run: in full or smaller.
-    records : mapping
-        Their figures.
-    out : Path
-        The folder with ``volumes``, where the pictures go as well.
-    """
+    """Draw a part's pictures into ``out`` from rows, in the size in which they were run."""
     own = [name for name in records if ROWS[name].part == part]
     base = ["jet"] if part == "ablation" and "jet" in records else []
     panels: dict[str, dict[str, list[tuple[float, float]]]] = {}
@@ -98,10 +87,9 @@ def _draw_sections(rows: Mapping[str, Row], records: Records, out: Path, path: P
     save_figure(figure, path)
 
 
-def _show(
-    axes: Axes, image: NDArray[np.float32], extent: NDArray[np.float64], colours: str, low: float,
-    high: float,
-) -> Any:  # fmt: skip
+def _show(axes: Axes, image: NDArray, extent: NDArray, colours: str, *limits: float) -> Any:
     box = (-extent[0], extent[0], -extent[1], extent[1])
     axes.tick_params(labelsize=6, colors=MUTED, labelleft=axes.get_subplotspec().is_first_col())
-    return axes.imshow(image, cmap=colours, vmin=low, vmax=high, origin="lower", extent=box)
+    return axes.imshow(
+        image, cmap=colours, vmin=limits[0], vmax=limits[1], origin="lower", extent=box
+    )

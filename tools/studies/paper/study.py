@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rigs.files import atomic_path
-from rigs.files.text import plain, write_json
+from rigs.files.text import plain, write_json, write_text
 from rigs.progress import progress_of
 from studies.common.page import markdown, significant
 from studies.common.results import fresh_run, kept_run
-from studies.common.study import Request, Tables
+from studies.common.study import Request, Tables, check_known
 from studies.paper.pictures import draw, pictures_of
 from studies.paper.rows import CLAIMS, HALF, PARTS, READING_EPOCHS, ROWS, TINY, Row
 from studies.paper.training import measured_row
@@ -24,16 +23,6 @@ from tomo.cli.inputs import check_output_folder
 VERSION = 5
 SIZES = ("full", "quick")
 """In quick, every row has half the voxels along each axis and 10 epochs: some minutes."""
-
-_REACHED = "epochs cosine_distance best_cosine_distance best_epoch nrmse core_seconds_per_epoch"
-COLUMNS = {
-    "layouts": f"row layout rays segments {_REACHED} commit",
-    "views": f"row layout rays {_REACHED} commit",
-    "ablation": f"row variant normalise_gradient seed {_REACHED} commit",
-    "noise": f"row rays_per_step relaxation sweeps {_REACHED} commit",
-    "transfer": f"row encoder_of flame frozen {_REACHED} commit",
-    "readings": f"row steps_per_epoch {_REACHED} commit",
-}
 
 
 def run(
@@ -57,9 +46,9 @@ def run(
     that are not.
     """
     with bad_input_in_one_line():
-        _check_known("--row", row or (), ROWS)
-        _check_known("--part", part or (), PARTS)
-        _check_known("--size", [size], SIZES)
+        check_known("--row", row or (), ROWS)
+        check_known("--part", part or (), PARTS)
+        check_known("--size", [size], SIZES)
         check_output_folder(out)
         wanted = [
             one for one in ROWS.values()
@@ -72,13 +61,7 @@ def run(
 
 
 def run_rows(wanted: Iterable[Row], out: Path, size: str) -> dict[str, Any]:
-    """Do those rows that are wanted, or needed by them, and not done yet; return the result.
-
-    Raises
-    ------
-    ValueError
-        If the folder holds the rows of another size, version or machine.
-    """
+    """Do those rows that are wanted, or needed by them, and not done yet; return the result."""
     path = out / "paper.json"
     fresh = fresh_run("paper", VERSION, Request(size)) | {"rows": {}}
     result, now = kept_run(path, fresh), fresh["commit"]
@@ -104,10 +87,10 @@ def tables_of(rows: Mapping[str, Mapping[str, Any]]) -> Tables:
     judged = [claim.row(rows) for claim in CLAIMS]
     tables = {"claims": [line for line in judged if line["here"] is not None]}
     for part in PARTS:
-        done = {name: row for name, row in rows.items() if ROWS[name].part == part}
-        keys = COLUMNS[part].split()[1:]
+        own = [name for name in rows if ROWS[name].part == part]
+        every = dict.fromkeys(key for name in own for key in rows[name] if key != "curve")
         tables[part] = [
-            {"row": name} | {key: row.get(key) for key in keys} for name, row in done.items()
+            {"row": name} | {key: rows[name].get(key) for key in every} for name in own
         ]
     return tables
 
@@ -128,8 +111,7 @@ def write_page(result: Mapping[str, Any], out: Path) -> None:
         for picture in pictures_of(name):
             if (out / picture).is_file():
                 lines += ["", f"![{title}]({picture})"]
-    with atomic_path(out / "paper.md") as temporary:
-        temporary.write_text("\n".join(lines) + "\n", "utf-8")
+    write_text(out / "paper.md", "\n".join(lines) + "\n")
 
 
 def _with_sources(rows: Iterable[Row]) -> list[Row]:
@@ -147,9 +129,3 @@ def _of_size(row: Row, size: str) -> Row:
         return row
     grid, epochs = (HALF, READING_EPOCHS) if size == "quick" else (TINY, 2)
     return replace(row, grid=grid, epochs=min(row.epochs, epochs))
-
-
-def _check_known(option: str, names: Sequence[str], known: Iterable[str]) -> None:
-    for name in names:
-        if name not in known:
-            raise ValueError(f"{option}: found {name!r}, expected one of {', '.join(known)}")

@@ -35,20 +35,8 @@ Say = Callable[[int, int, str], None]
 def measured_row(row: Row, out: Path, say: Say) -> dict[str, Any]:
     """Do a row; write its settings, volume and encoder to ``out``, and return its figures.
 
-    Parameters
-    ----------
-    row : Row
-        Where it starts from another row's encoder, ``out`` holds that already.
-    out : Path
-        ``settings/ROW.yaml``, ``volumes/ROW.npy`` and ``encoders/ROW.pt`` are written.
-    say : callable
-        ``say(done, total, what)`` after each epoch or sweep.
-
-    Returns
-    -------
-    dict
-        Numbers, words and ``curve``: a list of (epoch or sweep, cosine distance, relative
-        residual).
+    An encoder that it starts from is there already. ``curve`` is a list of (epoch or sweep, cosine
+    distance, relative residual).
     """
     seen = case(row.flame, row.layout, row.grid, row.noise)
     course: list[tuple[int, float, float]] = []

@@ -54,7 +54,7 @@ def recipes(half: str, *, quick: bool = False) -> list[Recipe]:
 
 
 def learned(trials: Trials, half: str, *, quick: bool, progress: Progress) -> Tables:
-    """Return the errors of all methods on each scene, and their seconds."""
+    """Return the errors of all methods on each scene, and their seconds: see `METHODS`."""
     scenes, found = recipes(half, quick=quick), {}
     for name, how in METHODS.items():
         options = {"uncertainty": 0, **trials.options, **how}

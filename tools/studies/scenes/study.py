@@ -3,31 +3,37 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping
-from importlib import import_module
+from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from rigs.files import atomic_path
-from rigs.files.text import plain, write_json
+from rigs.files.text import plain, write_json, write_text
 from rigs.progress import progress_of
-from studies.common.page import markdown
+from studies.common.page import sections
 from studies.common.results import machine
+from studies.common.study import check_known
+from studies.scenes import judge, learned, parts
 from studies.scenes.compare import tables_of
 from studies.scenes.design import everything, sample
-from studies.scenes.judge import extend, read_rows
 from studies.scenes.patches import parsed, patched
 from studies.scenes.processes import MOST
 from studies.scenes.recipe import HALVES
+from studies.scenes.trial import Trials
 from tomo import Options
 from tomo.cli.console import bad_input_in_one_line, say
 from tomo.cli.declared import command_line
 from tomo.cli.inputs import check_output_folder
 
 JUDGE = "judge"
-PARTS = JUDGE, "accuracy", "ablation", "intervals", "learned"
+MEASURED = {
+    "accuracy": parts.accuracy,
+    "ablation": parts.ablation,
+    "intervals": parts.intervals,
+    "learned": learned.learned,
+}
+PARTS = JUDGE, *MEASURED
 
 QUICK_SECONDS = 660
 """From which no scene of a quick run is begun: it ends within a quarter of an hour."""
@@ -35,7 +41,7 @@ QUICK_SECONDS = 660
 
 def command() -> typer.Typer:
     """Return the command line."""
-    epilog = " ".join((import_module("studies.scenes.judge").__doc__ or "").split())
+    epilog = " ".join((judge.__doc__ or "").split())
     return command_line(run, "scenes", help=f"Run known scenes that nobody tuned on. {epilog}")
 
 
@@ -78,9 +84,8 @@ def run(
     """Run one part of one half."""
     started = time.perf_counter()
     with bad_input_in_one_line():
-        for name, value, known in (("--half", half, HALVES), ("--part", part, PARTS)):
-            if value not in known:
-                raise ValueError(f"{name}: found {value!r}, expected one of {', '.join(known)}")
+        check_known("--half", [half], HALVES)
+        check_known("--part", [part], PARTS)
         check_output_folder(out)
         constants, options = parsed(set_ or (), "--set"), parsed(option or (), "--option")
         Options.from_mapping(options)
@@ -88,27 +93,24 @@ def run(
             raise ValueError(f"--set: found part {JUDGE}, expected another one")
         with patched(constants):
             pass
-        about, columns, tables = "", {}, {}
+        about, tables = "", {}
         if compare:
             half, part = "", "compare"
-            tables = tables_of(*map(read_rows, compare))
+            tables = tables_of(*map(judge.read_rows, compare))
         elif part == JUDGE:
             kept = rows or out / f"{half}-rows.json"
             recipes = sample(half) if quick else everything(half)
             seconds = QUICK_SECONDS if quick else float("inf")
             how: dict[str, Any] = {"processes": processes, "options": options}
             with progress_of(True, part) as how["progress"]:
-                found = extend(kept, recipes, cache, seconds=seconds, **how)
+                found = judge.extend(kept, recipes, cache, seconds=seconds, **how)
             wanted = {one.key for one in recipes}
             tables = tables_of({key: row for key, row in found.items() if key in wanted})
         else:
-            from studies.scenes.trial import Trials
-
-            module = import_module(f"studies.scenes.{part}")
             trials = Trials(cache, out / "rows", options, constants, processes, resume)
-            about, columns = module.__doc__ or "", module.COLUMNS
+            about = getdoc(MEASURED[part]) or ""
             with progress_of(True, part) as progress:
-                tables = getattr(module, part)(trials, half, quick=quick, progress=progress)
+                tables = MEASURED[part](trials, half, quick=quick, progress=progress)
     result = {
         "study": "scenes",
         "half": half,
@@ -122,18 +124,7 @@ def run(
     }
     name = "-".join(filter(None, (half, part)))
     write_json(out / f"{name}.json", plain(result, digits=5), indent=1)
-    path = out / f"{name}.md"
-    with atomic_path(path) as temporary:
-        temporary.write_text(_page(result, about, columns), "utf-8")
-    say(str(path))
-
-
-def _page(result: dict[str, Any], about: str, columns: Mapping[str, str]) -> str:
-    """Return the tables as Markdown, with what they are; all columns of those not named."""
-    title = f"# {result['part'].capitalize()}, {result['half']}".rstrip(", ")
-    lines = [title, "", " ".join(about.split())]
-    for name, rows in result["tables"].items():
-        keys = columns.get(name)
-        if rows and keys != "":
-            lines += ["", f"**{name.replace('_', ' ')}**", "", markdown(rows, keys)]
-    return "\n".join(lines) + "\n"
+    title = f"# {part.capitalize()}, {half}".rstrip(", ")
+    lines = [title, "", " ".join(about.split()), *sections(tables)]
+    write_text(out / f"{name}.md", "\n".join(lines) + "\n")
+    say(str(out / f"{name}.md"))
