@@ -342,7 +342,7 @@ def no_console_errors(request):
 
 @pytest.fixture(scope="session")
 def disturbed(run_tool):  # which has tools/ on the path
-    """Return `studies.common.poses.disturbed`: cameras a little elsewhere than they should be."""
-    from studies.common.poses import disturbed
+    """Return `studies.common.scans.disturbed`: cameras a little elsewhere than they should be."""
+    from studies.common.scans import disturbed
 
     return disturbed

@@ -21,6 +21,7 @@ if __name__ == "__main__":
     sys.path[:0] = [str(ROOT), str(ROOT / "tools")]
 
 from rigs.files.text import plain, write_json  # noqa: E402
+from studies.benchmark.plume import LOWER, UPPER  # noqa: E402
 from studies.common.page import said  # noqa: E402
 from studies.common.scans import reconstructed  # noqa: E402
 from studies.scenes.findings import findings_of, verdict_of  # noqa: E402
@@ -36,8 +37,6 @@ TOLERANCES = {"nrmse": 0.01, "psnr": 0.005, "rms": 0.01, "baseline": 1e-3}
 per cent of 30 dB is 0.15 dB. Other figures are to be equal; `BITS` are only shown."""
 
 BITS = "bits"
-
-PLUME = (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
 
 Answer = dict[str, Any]
 
@@ -56,7 +55,10 @@ def of_scene(recipe: Mapping[str, Any]) -> Answer:
 
 def of_plume(folder: Path, frame: str) -> Answer:
     """Return how well four cameras of a plume predict the fifth, at a coarse size."""
-    scan, grid = load_scan(folder / "transforms.json"), VoxelGrid.from_bounds((32, 48, 32), *PLUME)
+    scan, grid = (
+        load_scan(folder / "transforms.json"),
+        VoxelGrid.from_bounds((32, 48, 32), LOWER, UPPER),
+    )
     how: dict[str, Any] = {"frame": frame, "hold_out": ["cam02"], "peak": 1.0}
     outcome = reconstructed(scan.scaled(12), grid, **how)
     return {"psnr": outcome.report()["held_out"]["cam02"]["psnr"], BITS: _bits(outcome)}

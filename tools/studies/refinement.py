@@ -24,8 +24,7 @@ import numpy as np
 import rigs
 from rigs import Rig, box_points, ray_miss
 from studies.benchmark.plume import LOWER, SCAN, UPPER
-from studies.common.poses import disturbed
-from studies.common.scans import reconstructed, simulated_by
+from studies.common.scans import disturbed, reconstructed, simulated_by
 from studies.common.study import Request, Tables
 from tomo import VoxelGrid, load_scan
 from tomo.simulation.effects import Effects

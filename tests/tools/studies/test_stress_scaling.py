@@ -21,7 +21,7 @@ def others(plain):
 
 def test_a_scaled_scene_has_the_same_rays_with_other_lengths(plain):
     larger = replace(plain, lengths=3.0)
-    first, second = plain.system.projector, larger.system.projector
+    first, second = plain.seen.stored, larger.seen.stored
     assert first.n_segments == second.n_segments
     np.testing.assert_allclose(second.row_sums, 3 * first.row_sums, rtol=1e-6)
 

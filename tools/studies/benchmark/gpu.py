@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import rigs
+from studies.benchmark.plume import LOWER, UPPER
 from studies.common.ptx import body_of, compiled, innermost_loop
 from studies.common.scans import simulated_by
 from studies.common.study import Request, Tables
@@ -40,7 +41,7 @@ from tomo.trace import trace
 Row = dict[str, Any]
 
 PLUME = Path("plume_series")
-PLUME_BOX = (64, 96, 64), (0.0818, -0.0446, -0.4958), (0.5727, 0.6917, -0.0049)
+PLUME_BOX = (64, 96, 64), LOWER, UPPER
 REPEATS = 5
 ALIKE = 10  # runs whose bits are compared
 

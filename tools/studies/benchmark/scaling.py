@@ -9,19 +9,17 @@ target also runs one step of SIRT.
 from __future__ import annotations
 
 import json
-import statistics
 import sys
 import time
 from typing import Any
 
-import numba
 import numpy as np
 import psutil
 
 from rigs import Rig, ring
 from studies.benchmark.sizes import SIZES
 from studies.common.study import Request, Tables
-from studies.common.timing import forget_the_peak, in_fresh_process, peak_resident
+from studies.common.timing import forget_the_peak, in_fresh_process, in_turn, peak_resident
 from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.operators import STORED, estimate_memory
 
@@ -46,36 +44,19 @@ def measure(edge: int, views: int, pixels: int, form: str, repeats: int, solver:
     before = psutil.Process().memory_info().rss
     started = time.perf_counter()
     projector = LinearSystem.from_rig(rig, grid, form=form).projector
-    traced = time.perf_counter()
-    found = {"trace_seconds": traced - started, "trace_bytes": peak_resident() - before}
+    found = {"trace_seconds": time.perf_counter() - started}
+    found["trace_bytes"] = peak_resident() - before
     volume = np.ones(projector.shape[1], np.float32)
     images = projector @ volume
-    forward = time.perf_counter()
     projector.T @ images
-    found |= {
-        "first_forward_seconds": forward - traced,
-        "first_adjoint_seconds": time.perf_counter() - forward,
-        "peak_bytes": peak_resident() - before,
-    }
+    found["peak_bytes"] = peak_resident() - before
     if solver:
         getattr(solvers, solver)(projector, images, iterations=1)
         found["solver_bytes"] = peak_resident() - before
-    times: dict[str, list[float]] = {"forward": [], "adjoint": []}
-    for _ in range(repeats):
-        for name, product in (("forward", projector), ("adjoint", projector.T)):
-            operand = volume if name == "forward" else images
-            started = time.perf_counter()
-            product @ operand
-            times[name].append(time.perf_counter() - started)
-    return found | {
-        "forward_seconds": statistics.median(times["forward"]),
-        "adjoint_seconds": statistics.median(times["adjoint"]),
-        "rows": projector.shape[0],
-        "segments": projector.n_segments,
-        "voxels": grid.size,
-        "threads": numba.get_num_threads(),
-        "needed_bytes": 4 * (views * pixels**2 + 2 * grid.size),
-    }
+    products = {"forward": lambda: projector @ volume, "adjoint": lambda: projector.T @ images}
+    found |= {f"{name}_seconds": s for name, s in in_turn(products, repeats).items()}
+    found["needed_bytes"] = 4 * (views * pixels**2 + 2 * grid.size)
+    return found | {"segments": projector.n_segments}
 
 
 FORMS = ("on-the-fly", "stored")

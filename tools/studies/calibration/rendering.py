@@ -108,10 +108,7 @@ class Board:
 
 
 class Photographer:
-    """Takes one camera's pictures of boards, by K x K rays a pixel where the board changes.
-
-    The lens sees what is in front of it alone; its rays are found once.
-    """
+    """Takes one camera's pictures of boards, by K x K rays a pixel where the board changes."""
 
     def __init__(self, camera: Camera, rays_per_side: int = 4) -> None:
         self.camera = camera
@@ -131,10 +128,7 @@ class Photographer:
         t: NDArray[np.float64],
         exposure: Exposure | None = None,
     ) -> NDArray[np.float64]:
-        """Return the blurred image without noise, ``(height, width)`` grey values.
-
-        The board is where ``x_world = R @ x_target + t``.
-        """
+        """Return grey values ``(height, width)`` without noise; ``x_world = R @ x_target + t``."""
         from scipy.ndimage import gaussian_filter
 
         exposure = Exposure() if exposure is None else exposure

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -163,44 +164,36 @@ class Case:
     # name, words: a word for files, and what it is
     name: str
     words: str
-    layout: str  # ``arc`` or ``ring``
+    make: Callable[[int, int], Rig]
     poses: Poses
     complete: bool  # whether only images that show the whole target are used
     cameras: int
 
     def rig(self, seed: int) -> Rig:
         """Return the true rig, which is another for each seed."""
-        make = arc_rig if self.layout == "arc" else ring_rig
-        return make(seed, self.cameras)
+        return self.make(seed, self.cameras)
 
 
 CASES = (
-    Case("arc", "5 cameras over 120 degrees, partial boards", "arc", Poses(30), False, 5),
-    Case("ring", "12 cameras all round, partial boards", "ring", Poses(36, 180.0), False, 12),
+    Case("arc", "5 cameras over 120 degrees, partial boards", arc_rig, Poses(30), False, 5),
+    Case("ring", "12 cameras all round, partial boards", ring_rig, Poses(36, 180.0), False, 12),
     Case(
-        "arc_complete", "5 cameras over 120 degrees, complete boards", "arc",
+        "arc_complete", "5 cameras over 120 degrees, complete boards", arc_rig,
         replace(COMPLETE, count=30), True, 5,
     ),
     Case(
-        "ring_complete", "12 cameras all round, complete boards", "ring",
+        "ring_complete", "12 cameras all round, complete boards", ring_rig,
         replace(COMPLETE, count=36, facing=180.0), True, 12,
     ),
 )  # fmt: skip
 
-TINY = (
-    Case(
-        "arc_complete", "3 cameras over 60 degrees, complete boards", "arc",
-        replace(COMPLETE, count=6), True, 3,
-    ),
-)  # fmt: skip
+SMALL = "3 cameras over 60 degrees, complete boards"
+TINY = (Case("arc_complete", SMALL, arc_rig, replace(COMPLETE, count=6), True, 3),)
 """One small case: whether the study runs at all."""
 
 
 def pictures(case: Case, seed: int, folder: Path, workers: int = 2) -> dict[str, dict[str, Path]]:
-    """Render the images of a case into a folder, ``images[camera][frame]``.
-
-    ``seed`` is that of rig, poses and noise.
-    """
+    """Render a case's images, ``images[camera][frame]``; the seed is of rig, poses and noise."""
     target = parse_target(TARGET)
     return photograph(
         folder / f"{case.name}_{seed}",

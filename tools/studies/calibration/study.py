@@ -13,19 +13,19 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs import Rig, Volume, box_points, ray_miss
+from rigs import Camera, Distortion, Rig, Volume, box_points, ray_miss
 from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.detect import observe
 from rigs.calibrate.targets import parse_target
-from studies.calibration.peer import attempts
 from studies.calibration.scenes import CASES, COMPLETE, TARGET, TINY, Case, arc_rig, held, pictures
 from studies.common.study import Request, Tables
 
@@ -91,13 +91,11 @@ def measured(
         "images": sum(len(frames) for frames in images.values()),
         "images_used": int(np.isfinite(quality.image_rms).sum()),
         "points_used": int(found.used.sum()),
-        "points_left_out": int((~found.used).sum()),
         "detection_error_px": float(np.sqrt((error[found.used] ** 2).sum(axis=1).mean())),
         "rms_px": float(np.sqrt((found.residuals[found.used] ** 2).sum(axis=1).mean())),
         "footprint": float(np.median(rig.footprint(rig.volume.center))),
         "true_ray_miss": miss,
         "predicted_ray_miss": quality.predicted_ray_miss,
-        "true_over_predicted": miss / quality.predicted_ray_miss,
         "cross_ray_miss": quality.cross_ray_miss,
         "cross_expected": quality.cross_expected,
     }, observations
@@ -119,20 +117,11 @@ def detection_error(case: Case, seed: int, observations: Observations) -> NDArra
 
 
 def _peer(case: Case, seed: int, observations: Observations) -> list[Row]:
-    rig = case.rig(seed)
-    return [
-        {
-            "case": case.words,
-            "seed": seed,
-            "setting": attempt.setting,
-            "true_ray_miss": None
-            if attempt.rig is None
-            else 1e3 * true_ray_miss(rig, attempt.rig, rig.volume),
-            "threw": attempt.words,
-            "seconds": attempt.seconds,
-        }
-        for attempt in attempts(observations)
-    ]
+    rig, rows = case.rig(seed), []
+    for setting, found in attempts(observations):
+        miss = found and 1e3 * true_ray_miss(rig, found, rig.volume)
+        rows.append({"case": case.words, "seed": seed, "setting": setting, "true_ray_miss": miss})
+    return rows
 
 
 def _best_of_opencv(tables: Tables) -> list[Row]:
@@ -185,3 +174,73 @@ def timing(cameras: int = 12, frames: int = 60) -> list[Row]:
             "predicted_ray_miss": calibration.quality.predicted_ray_miss,
         }
     ]
+
+
+def attempts(observations: Observations) -> Iterator[tuple[str, Rig | None]]:
+    """Yield what each setting makes of observations of complete targets; None where it throws.
+
+    It throws on targets in millimetres, so these are to be in metres. The intrinsics are found
+    by its own first step, with five, four or two coefficients of distortion, or taken from
+    ``cv2.calibrateCamera`` of each camera alone.
+    """
+    lenses = {
+        "k1 k2 p1 p2 k3": 0,
+        "k1 k2 p1 p2": cv2.CALIB_FIX_K3,
+        "k1 k2": cv2.CALIB_FIX_K3 | cv2.CALIB_ZERO_TANGENT_DIST,
+    }
+    for words, flags in lenses.items():
+        for guess in (False, True):
+            setting = words + (", lenses of calibrateCamera" if guess else "")
+            try:
+                yield setting, _multiview(observations, flags, guess)
+            except cv2.error:
+                yield setting, None
+
+
+def _multiview(observations: Observations, flags: int, guess: bool) -> Rig:
+    points = np.float32(observations.target_points)
+    cameras, frames = len(observations.cameras), len(observations.frames)
+    mask = (observations.counts() == len(points)).astype(np.uint8)  # (cameras, frames)
+    uv = np.full((cameras, frames, len(points), 2), -1, np.float32)
+    uv[observations.camera, observations.frame, observations.point] = observations.uv
+    sizes = [tuple(size) for size in observations.image_sizes]
+    per_camera = np.full((cameras, 1), flags, np.int32)
+    settings = {"flagsForIntrinsics": per_camera}
+    Ks = distortions = None
+    if guess:
+        Ks, distortions = [], []
+        for camera in range(cameras):
+            seen = np.flatnonzero(mask[camera])
+            _, K, coefficients, _, _ = cv2.calibrateCamera(
+                [points] * len(seen), list(uv[camera, seen]), sizes[camera], None, None,
+                flags=flags,
+            )  # fmt: skip
+            Ks.append(K)
+            distortions.append(coefficients)
+        settings["flags"] = cv2.CALIB_USE_INTRINSIC_GUESS
+    _, Ks, distortions, Rs, Ts = cv2.calibrateMultiview(
+        [points] * frames,
+        [list(uv[camera]) for camera in range(cameras)],
+        sizes,
+        mask,
+        np.full((cameras, 1), cv2.CALIB_MODEL_PINHOLE, np.uint8),
+        Ks,
+        distortions,
+        None,
+        None,
+        **settings,
+    )[:5]
+    return Rig(
+        tuple(
+            Camera(
+                name,
+                sizes[index],
+                Ks[index],
+                Distortion("brown", np.ravel(distortions[index])[:5]),
+                cv2.Rodrigues(np.asarray(Rs[index]))[0] if np.size(Rs[index]) == 3 else Rs[index],
+                np.ravel(Ts[index]),
+            )
+            for index, name in enumerate(observations.cameras)
+        ),
+        "m",
+    )

@@ -17,10 +17,7 @@ ARCHITECTURE = "90"
 
 
 def compiled(text: str) -> str | None:
-    """Return the PTX of CUDA C by NVRTC's wheel, or else by nvcc; None where neither is there.
-
-    A ValueError has what the compiler said of text that does not compile.
-    """
+    """Return the PTX of CUDA C by NVRTC's wheel, or else by nvcc; None where neither is there."""
     if libraries := _wheels():
         return _by_nvrtc(text, libraries[0])
     return None if shutil.which("nvcc") is None else _by_nvcc(text)

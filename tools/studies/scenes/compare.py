@@ -31,10 +31,7 @@ WORSE = (1.10, 1.25)
 
 
 def tables_of(base: Rows, own: Rows | None = None) -> Tables:
-    """Return tables of the scenes that both trees have, or of those of ``base``.
-
-    Which faults harm, ``base`` says.
-    """
+    """Return tables of the scenes that both trees have; which faults harm, ``base`` says."""
     trees = {"base": base} if own is None else {"base": base, "own": own}
     shared = [key for key in base if all(key in tree for tree in trees.values())]
     plain = [key for key in shared if not base[key]["fault"]]

@@ -152,10 +152,8 @@ def recorded(
 
 
 def stored(image: NDArray, noise: str, gamma: float, dead: str) -> NDArray:
-    """Return what is kept of a recorded image: 8 bits along a gamma curve, or one value of all.
-
-    The range of numbers stays, and the pedestal, which is taken away before the curve.
-    """
+    """Return what is kept of a recorded image: 8 bits along a gamma curve, or one value of all."""
+    # the range of numbers stays, and the pedestal, which is taken away before the curve
     pedestal, full = (PEDESTAL * FULL, FULL) if noise == TWELVE_BIT else (0.0, 1.0)
     if dead:
         return np.full_like(image, 0 if dead == "zeros" else round(pedestal))

@@ -139,10 +139,7 @@ def all_magnified(exposures: Exposures, setting: Setting) -> Exposures:
 
 
 def framed(exposures: Exposures, setting: Setting) -> Exposures:
-    """Return exposures of which two, a third of the rig apart, look past an opaque frame.
-
-    It hides the fraction ``size`` of the flame's width and height, half of it on each side.
-    """
+    """Return exposures of which two, a third of the rig apart, look past an opaque frame."""
     other = (setting.view + max(len(exposures) // 3, 1)) % len(exposures)
     return _one(_one(exposures, setting.view, framed=setting.size), other, framed=setting.size)
 
@@ -166,10 +163,7 @@ def capped(exposures: Exposures, setting: Setting) -> Exposures:
 
 
 def two_at_once(exposures: Exposures, setting: Setting) -> Exposures:
-    """Return exposures of one fainter camera and another, opposite, ``size`` pixels off.
-
-    The gain is ``1 / (1 + size / 10)``.
-    """
+    """Return exposures of a camera's gain ``1 / (1 + size / 10)``, another ``size`` pixels off."""
     other = (setting.view + len(exposures) // 2) % len(exposures)
     found = _one(exposures, other, camera=shifted(exposures[other], setting))
     return _one(found, setting.view, gain=1 / (1 + setting.size / 10))

@@ -81,10 +81,7 @@ def accused(expected: Sequence[Sequence[Any]], findings: Sequence[Sequence[Any]]
 
 
 def is_alarm(findings: Sequence[Sequence[Any]], allowed: Sequence[str] = ()) -> bool:
-    """Return whether anything is said of a faultless scene but ``allowed`` effects.
-
-    That its images are not explained is no alarm, unless a camera is named.
-    """
+    """Return whether anything is said but ``allowed`` and that images are not explained."""
     said = [(effect, camera) for effect, camera in findings if effect not in allowed]
     return any(effect != UNEXPLAINED or camera for effect, camera in said)
 

@@ -9,7 +9,6 @@ import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -70,17 +69,13 @@ def best_of(scene: KnownScene, cache: Path | None = None) -> Best:
     path = None if cache is None else cache / f"oracle-{VERSION}-{scene.recipe.key}.json"
     if path is not None and path.is_file():
         return Best(**json.loads(path.read_text("utf-8")))
-    images, truth = scene.scan.images(), scene.truth
-    found = _Found(truth)
-    for skip in (False, True):
-        ready = problem(scene.rig, scene.grid, images, skip=skip)
-        bases = {VOXEL: ready, LINEAR: in_linear_basis(ready)}
-        if skip:
-            for basis in bases:
-                found.run(bases[basis], found.best(basis), carved=True)
-            continue
-        for basis, one in bases.items():
-            _try_all(found, one, basis)
+    images, found = scene.scan.images(), _Found(scene.truth)
+    ready = problem(scene.rig, scene.grid, images, skip=False)
+    for basis, one in ((VOXEL, ready), (LINEAR, in_linear_basis(ready))):
+        _try_all(found, one, basis)
+    ready = problem(scene.rig, scene.grid, images, skip=True)
+    for basis, one in ((VOXEL, ready), (LINEAR, in_linear_basis(ready))):
+        found.run(one, found.best(basis), carved=True)
     best = found.result()
     if path is not None:
         write_json(path, asdict(best), indent=1)
@@ -116,15 +111,9 @@ class _Found:
 
     def run(self, ready: Problem, one: Candidate, *, carved: bool = False) -> float:
         """Return the smallest NRMSE of a candidate over its iterations."""
-        went = converged(
-            ready,
-            self.truth,
-            one.method,
-            one.settings,
-            passes=PLAIN.get(one.method, PASSES),
-            least_passes=FIRST if one.method == "curvature" else 0,
-            by_nrmse=True,
-        )
+        how = {"passes": PLAIN.get(one.method, PASSES), "by_nrmse": True}
+        least = FIRST if one.method == "curvature" else 0
+        went = converged(ready, self.truth, one.method, one.settings, least_passes=least, **how)
         name = f"{one.name}, carved" if carved else one.name
         least = int(np.argmin(went.nrmses))
         self.errors[name] = went.nrmses[least], went.cosine_distances[least], one
@@ -137,7 +126,7 @@ class _Found:
     def result(self) -> Best:
         """Return the best of all."""
         name = min(self.errors, key=lambda name: self.errors[name][0])
-        by_method: dict[str, Any] = {}
+        by_method: dict[str, float] = {}
         for error, _, one in self.errors.values():
             kind = f"{one.method}, {one.basis}"
             by_method[kind] = min(error, by_method.get(kind, np.inf))

@@ -54,10 +54,7 @@ def blobs(centres: NDArray, widths: NDArray, amplitudes: NDArray) -> Shape:
 
 
 def rods(starts: NDArray, ends: NDArray, widths: NDArray, amplitudes: NDArray) -> Shape:
-    """Return the brightest of straight rods with Gaussian cross sections, ``(B, 3)`` to ``(B,)``.
-
-    The brightest, not the sum: rods that meet do not make a knot.
-    """
+    """Return the brightest of straight rods, not their sum: those that meet do not make a knot."""
 
     def emission(points: NDArray[np.float32]) -> Values:
         found = np.zeros(len(points), np.float32)

@@ -102,11 +102,8 @@ def row_of(
         "seconds": seconds_of(outcome),
         "cpu_seconds": spent,
         "method": outcome.solution.settings.get("method"),
-        "stop_reason": outcome.solution.stop_reason,
         "learned": outcome.solution.weights is not None,
-        "strength": outcome.solution.settings.get("strength"),
         "basis": outcome.basis.get("name"),
-        "warnings": list(outcome.warnings),
         "intervals": inside(outcome, scene.truth),
         "seconds_times": seconds["uncertainty"] / max(seconds["choose"], 1e-6),
     }

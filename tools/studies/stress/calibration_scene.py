@@ -51,10 +51,8 @@ def bent(camera: Camera, pixels: float, random: np.random.Generator) -> Camera:
 
 
 def slipped(camera: Camera, pixels: float, random: np.random.Generator) -> Camera:
-    """Count pixels from their corners, or the like: right and down by as much in all cameras.
-
-    Down is a motion of the flame, which no image contradicts: it is right that counts.
-    """
+    """Count pixels from their corners, or the like: right and down by as much in all cameras."""
+    # down is a motion of the flame, which no image contradicts: it is right that counts
     return camera.shifted(pixels, pixels)
 
 

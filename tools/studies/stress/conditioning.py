@@ -16,16 +16,7 @@ from rigs import Rig
 from studies.common.scans import reconstructed
 from studies.common.study import Request
 from studies.stress.row import Chart, Row, charts, worst_of
-from studies.stress.scene import (
-    SHAPE,
-    SMOOTHING,
-    SPACING,
-    Scene,
-    ring,
-    scene,
-    scene_of,
-    solved,
-)
+from studies.stress.scene import SHAPE, SMOOTHING, SPACING, Scene, ring, scene, scene_of, solved
 from tomo import VoxelGrid, solvers
 from tomo.metrics import nrmse
 from tomo.pipeline import Reconstruction

@@ -94,10 +94,7 @@ class WaveScene:
         return np.median(views.wavelengths(directions), axis=0)
 
     def returned(self, direction: NDArray[np.float64], wavelength: float) -> float:
-        """Return the amplitude of a wave on the blob that `cgls` gives back, relative.
-
-        The mean over two waves a quarter of a period apart.
-        """
+        """Return the relative amplitude of a wave that `cgls` gives back: mean of two phases."""
         side = self.grid.shape[0]
         phase = 2 * np.pi / wavelength * (self.fine.centers().reshape(-1, 3) @ direction)
         found = whole = 0.0
@@ -135,39 +132,21 @@ def resolution_rows(quick: bool) -> Iterator[Row]:
         yield wave_row(name, WaveScene.of(rig, side), half_sphere(count))
 
 
-def wavelengths(
-    scene: WaveScene, directions: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
-    """Return predicted and measured lengths, and where one is above `FINEST`: ``(M,)`` each."""
-    predicted = np.maximum(scene.predicted(directions), FINEST)
-    measured = np.maximum([scene.measured(direction) for direction in directions], FINEST)
-    return predicted, measured, (predicted > FINEST) | (measured > FINEST)
-
-
 def wave_row(name: str, scene: WaveScene, directions: NDArray[np.float64]) -> Row:
     """Compare predicted and measured wavelengths along some directions."""
-    predicted, measured, above = wavelengths(scene, directions)
+    predicted = np.maximum(scene.predicted(directions), FINEST)
+    measured = np.maximum([scene.measured(direction) for direction in directions], FINEST)
+    above = (predicted > FINEST) | (measured > FINEST)
     ratio = measured[above] / predicted[above]
-    within = within_factor(ratio)
+    within = float(np.mean((ratio < FACTOR) & (ratio > 1 / FACTOR)))
     line = {"rig": name, "within": within, "measured_over_predicted": float(np.median(ratio))}
     for words, values in (("predicted", predicted), ("measured", measured)):
         for part in (50, 90):
             line[f"{words}_{part}"] = float(np.percentile(values, part))
-    return Row(
-        f"wavelengths predicted within {FACTOR} of those of which half comes back",
-        f"{name}, {int(above.sum())} of {len(directions)} directions above {FINEST:g} voxels",
-        within,
-        SHARE,
-        "of the directions",
-        at_least=True,
-        note=f"measured over predicted: median {np.median(ratio):.2f}",
-        lines={"waves": [line]},
-    )
-
-
-def within_factor(ratio: NDArray[np.float64]) -> float:
-    """Return the fraction of the ratios of wavelengths that are within `FACTOR`."""
-    return float(np.mean((ratio < FACTOR) & (ratio > 1 / FACTOR)))
+    stress = f"wavelengths predicted within {FACTOR} of those of which half comes back"
+    over = f"{name}, {int(above.sum())} of {len(directions)} directions above {FINEST:g} voxels"
+    more = {"note": f"measured over predicted: median {np.median(ratio):.2f}", "at_least": True}
+    return Row(stress, over, within, SHARE, "of the directions", **more, lines={"waves": [line]})
 
 
 def _joined(*parts: Rig) -> Rig:

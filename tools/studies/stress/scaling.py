@@ -18,10 +18,8 @@ from rigs import Rig
 from studies.common.scans import reconstructed
 from studies.common.study import Request
 from studies.stress.row import Row, relative_error
-from studies.stress.scene import BY_PIXEL, scene, solved
-from tomo import LinearSystem, VoxelGrid, solvers
-from tomo.operators.on_the_fly import OnTheFlyProjector
-from tomo.operators.on_the_fly.camera_sources import pixel_source
+from studies.stress.scene import BY_PIXEL, Scene, equations, scene, solved
+from tomo import VoxelGrid, solvers
 from tomo.operators.operator import ProjectionOperator
 from tomo.pipeline import Reconstruction
 from tomo.selection import choose_by_left_out_pixels
@@ -65,25 +63,9 @@ class Scaled:
         )
 
     @cached_property
-    def system(self) -> LinearSystem:
-        """The stored equations."""
-        return LinearSystem.from_rig(self.simulated.rig, self.simulated.grid, form="stored")
-
-    @cached_property
-    def on_the_fly(self) -> OnTheFlyProjector:
-        """The same equations, not stored."""
-        rig, grid = self.simulated.rig, self.simulated.grid
-        return OnTheFlyProjector(list(map(pixel_source, rig, self.system.pixels)), grid)
-
-    @property
-    def images(self) -> list[NDArray[np.float32]]:
-        """In the rig's order."""
-        return list(self.simulated.images.values())
-
-    @cached_property
-    def measured(self) -> NDArray[np.float32]:
-        """The pixels of the equations."""
-        return self.system.flatten(self.images)
+    def seen(self) -> Scene:
+        """The scan and its equations."""
+        return equations(self.simulated)
 
     def unscaled(self, volume: NDArray) -> NDArray[np.float64]:
         """Return a volume in the original's unit."""
@@ -117,11 +99,11 @@ def _solvers(plain: Scaled, others: Sequence[Scaled], quick: bool) -> Iterator[R
         for method in solvers.METHODS:
             forms = ["system"] if quick or method in BY_PIXEL else ["system", "on_the_fly"]
             for form in forms:
-                expected = solved(method, _form(plain, form), plain.measured).volume
+                expected = solved(method, _form(plain, form), plain.seen.measured).volume
                 for other in others:
                     if getattr(other, what) == 1:
                         continue
-                    found = solved(method, _form(other, form), other.measured).volume
+                    found = solved(method, _form(other, form), other.seen.measured).volume
                     error = relative_error(other.unscaled(found), expected)
                     figures.append((f"{method}, {form}, {other.name}", error))
         stress = f"{what}, every classic method"
@@ -153,11 +135,11 @@ def _default(plain: Scaled, others: Sequence[Scaled]) -> Iterator[Row]:
 
 def _left_out(scaled: Scaled) -> float:
     """Return the residual of pixels left out."""
-    return choose_by_left_out_pixels(scaled.system.projector, scaled.measured).held_out_residual
+    return choose_by_left_out_pixels(scaled.seen.stored, scaled.seen.measured).held_out_residual
 
 
 def _form(scaled: Scaled, form: str) -> ProjectionOperator:
-    return scaled.on_the_fly if form == "on_the_fly" else scaled.system.projector
+    return scaled.seen.on_the_fly if form == "on_the_fly" else scaled.seen.stored
 
 
 def _choice(outcome: Reconstruction) -> Mapping[str, object]:

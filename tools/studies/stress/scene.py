@@ -85,8 +85,12 @@ def scene(noise: float = 0.0, cameras: int = 9) -> Scene:
 
 def scene_of(rig: Rig, noise: float = 0.0, grid: VoxelGrid | None = None) -> Scene:
     """Return what a rig sees of the jet; the projectors have one ray a pixel."""
-    simulated = jet_by(rig, grid, noise=noise)
-    grid = simulated.grid
+    return equations(jet_by(rig, grid, noise=noise))
+
+
+def equations(simulated: SimulatedImages) -> Scene:
+    """Return what is seen, in equations of one ray a pixel."""
+    rig, grid = simulated.rig, simulated.grid
     system = LinearSystem.from_rig(rig, grid, form="stored")
     measured = system.flatten(list(simulated.images.values()))
     on_the_fly = OnTheFlyProjector(list(map(pixel_source, rig, system.pixels)), grid)

@@ -60,14 +60,11 @@ def run(request: Request) -> Iterator[Row]:
         if (flame, views, noise) == (flames[-1], layouts[0], "gaussian"):
             resolved.append(resolution_row(scene, found))
     voxels = sum(count for _, count in fractions)
-    yield Row(
-        f"standard deviations within {WITHIN}, all voxels not carved",
-        f"{len(cases)} scenes together, {voxels} voxels",
-        sum(fraction * count for fraction, count in fractions) / voxels,
-        QUICK_SHARE if quick else SHARE,
-        "of the voxels",
-        at_least=True,
-    )
+    stress = f"standard deviations within {WITHIN}, all voxels not carved"
+    over = f"{len(cases)} scenes together, {voxels} voxels"
+    figure = sum(fraction * count for fraction, count in fractions) / voxels
+    bound = QUICK_SHARE if quick else SHARE
+    yield Row(stress, over, figure, bound, "of the voxels", at_least=True)
     over = f"{len(cases)} scenes, gaussian and poisson"
     yield Row.of_worst("noise found in the images", over, noises, 0.15, "off the truth")
     yield from resolved
@@ -109,15 +106,9 @@ def deviation_rows(scene: TrustScene, found: Assessment, repeats: int) -> Iterat
                 "; the rest are voxels without emission: held at zero in most sets, they spread "
                 "in few, and how firmly they are held hangs on the noise of the one set there is"
             )
-        yield Row(
-            f"standard deviations within {WITHIN}, {what}",
-            f"{scene.name}, {found.deviations.repeats} repeats against {repeats} noisy sets",
-            share,
-            bound,
-            "of the voxels",
-            at_least=True,
-            note=note,
-        )
+        stress = f"standard deviations within {WITHIN}, {what}"
+        over = f"{scene.name}, {found.deviations.repeats} repeats against {repeats} noisy sets"
+        yield Row(stress, over, share, bound, "of the voxels", at_least=True, note=note)
 
 
 def resolution_row(scene: TrustScene, found: Assessment) -> Row:
@@ -146,14 +137,10 @@ def resolution_row(scene: TrustScene, found: Assessment) -> Row:
     blob, spot = np.median(own, axis=0), np.median(found.resolution.widths, axis=0)
     stated = np.sqrt(spot**2 + blob**2 - 1)
     measured = np.median(widths, axis=0)
-    return Row(
-        "resolution stated against the width of a bright blob",
-        f"{scene.name}, blob of {blob[0]:.1f} voxels at 3 places",
-        relative_error(stated, measured),
-        RESOLVED,
-        "relative",
-        note=f"stated {_text(stated)}, measured {_text(measured)} voxels along x, y, z",
-    )
+    stress = "resolution stated against the width of a bright blob"
+    over = f"{scene.name}, blob of {blob[0]:.1f} voxels at 3 places"
+    note = f"stated {_text(stated)}, measured {_text(measured)} voxels along x, y, z"
+    return Row(stress, over, relative_error(stated, measured), RESOLVED, "relative", note=note)
 
 
 def warning_rows(scene: TrustScene) -> Iterator[Row]:
@@ -167,14 +154,10 @@ def warning_rows(scene: TrustScene) -> Iterator[Row]:
     for what, cameras, expected in cases:
         found = assessed(scene if cameras is rig else seen_by(scene, cameras), 2).coverage.resolved
         warned = found is not None and found.is_coarse
-        yield Row(
-            "warning that is missing" if expected else "warning for nothing",
-            f"{what} of {scene.name}",
-            int(warned != expected),
-            0,
-            "faults",
-            note="few directions" if warned else "",
-        )
+        stress = "warning that is missing" if expected else "warning for nothing"
+        note = "few directions" if warned else ""
+        over = f"{what} of {scene.name}"
+        yield Row(stress, over, int(warned != expected), 0, "faults", note=note)
 
 
 def fan_like(rig: Rig) -> Rig:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -86,11 +86,7 @@ def trust_scene(
     it, ``clean`` is without. Images are taken with 3 x 3 rays a pixel through voxels half as wide.
     """
     clean = _clean(flame, views, seed, shape, spacing, shrink)
-    images = with_noise(list(clean.images.values()), noise, (seed, 0, 0), FRACTION)
-    equations, choice, volume = _by_default(clean.rig, clean.grid, images)
-    return TrustScene(
-        f"{flame}, {views} views, {noise}", noise, clean, equations, choice, volume, seed
-    )
+    return _by_default(f"{flame}, {views} views, {noise}", noise, clean, seed)
 
 
 def seen_by(scene: TrustScene, rig: Rig) -> TrustScene:
@@ -102,9 +98,7 @@ def seen_by(scene: TrustScene, rig: Rig) -> TrustScene:
         return np.where(inside < 0, 0.0, truth.ravel()[inside])
 
     clean = simulate_images(rig, field, grid, supersample=2)
-    images = with_noise(list(clean.images.values()), scene.noise, (scene.seed, 0, 0), FRACTION)
-    equations, choice, volume = _by_default(rig, grid, images)
-    return replace(scene, clean=clean, problem=equations, choice=choice, volume=volume)
+    return _by_default(scene.name, scene.noise, clean, scene.seed)
 
 
 @lru_cache(maxsize=4)
@@ -115,10 +109,10 @@ def _clean(
     return simulated_by(rig, grid, (flame, seed), supersample=3)
 
 
-def _by_default(
-    rig: Rig, grid: VoxelGrid, images: list[NDArray[np.float32]]
-) -> tuple[Problem, Choice, NDArray[np.float32]]:
-    equations = problem(rig, grid, images, skip=True)
+def _by_default(name: str, noise: str, clean: SimulatedImages, seed: int) -> TrustScene:
+    images = with_noise(list(clean.images.values()), noise, (seed, 0, 0), FRACTION)
+    equations = problem(clean.rig, clean.grid, images, skip=True)
     projector = equations.system.projector
     choice = choose_by_left_out_pixels(projector, equations.measured)
-    return equations, choice, solve_as_chosen(projector, equations.measured, choice).volume
+    volume = solve_as_chosen(projector, equations.measured, choice).volume
+    return TrustScene(name, noise, clean, equations, choice, volume, seed)
