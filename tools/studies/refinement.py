@@ -34,9 +34,7 @@ ERROR = 0.35
 """Standard deviation, in pixels, of what each of a camera's three shifts and three turns moves its
 image by: lines of sight then miss each other by more than half a pixel."""
 
-NOMINAL = ("cam00", "cam04")
-"""The plume's cameras whose field of view is an average."""
-
+NOMINAL = ("cam00", "cam04")  # the plume's cameras whose field of view is an average
 GAIN_SEEDS = 2
 POINTS = 5  # along each side of the volume, where ray-miss is judged
 SEEDS = 4

@@ -18,8 +18,7 @@ from tomo import metrics, solvers
 from tomo.operators import LINEAR, VOXEL, GaussianBasis
 from tomo.solvers.curvature import FIRST
 
-PATIENCE = 4
-"""Passes without a new best after which a run is over."""
+PATIENCE = 4  # passes without a new best after which a run is over
 
 
 @dataclass(frozen=True)

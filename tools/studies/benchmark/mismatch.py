@@ -44,9 +44,7 @@ GAIN_SPREAD = 0.1
 BOX_DEPTH = 2.0
 """Optical depth across the box, most of which the views from both sides make up for."""
 
-FLAME_DEPTH = 1.0
-"""Optical depth of the flame for its own light, through its brightest part."""
-
+FLAME_DEPTH = 1.0  # optical depth of the flame for its own light, through its brightest part
 CORNER_LOSS = 0.4
 APERTURE = 29.0
 FOCUS_DISTANCE = 5600.0

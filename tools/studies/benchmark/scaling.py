@@ -60,9 +60,7 @@ def measure(edge: int, views: int, pixels: int, form: str, repeats: int, solver:
 
 
 FORMS = ("on-the-fly", "stored")
-VIEWS = 12
-"""How many there are as the grid grows."""
-
+VIEWS = 12  # how many there are as the grid grows
 SHARE = 0.6
 """Fraction of the free memory that a case may take by estimate; larger ones are left out."""
 

@@ -29,9 +29,7 @@ FORMS = tuple((form, skip, "cpu") for form in ("plain", "packed") for skip in (F
 """How rays lie in memory, whether dark pixels and voxels are skipped, and where training runs; the
 plain form first."""
 
-ELSEWHERE = ("packed", True, "cuda")
-"""Timed as well where PyTorch has such a device."""
-
+ELSEWHERE = ("packed", True, "cuda")  # timed as well where PyTorch has such a device
 VARIANTS = ("batch-norm", "bias-mask")
 RAYS_A_STEP = 3200  # the paper's 32 samples of 100
 SEED = 1

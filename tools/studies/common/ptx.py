@@ -12,8 +12,7 @@ from tempfile import TemporaryDirectory
 
 from tomo.operators.gpu.device import OPTIONS
 
-ARCHITECTURE = "90"
-"""The architecture whose code is counted: Hopper, an H100 or H200."""
+ARCHITECTURE = "90"  # the architecture whose code is counted: Hopper, an H100 or H200
 
 
 def compiled(text: str) -> str | None:

@@ -16,12 +16,8 @@ from tomo.cli.console import bad_input_in_one_line, print_json, say
 from tomo.cli.declared import command_line
 from tomo.cli.inputs import check_output_folder
 
-Progress = Callable[[int, int, str], None]
-"""``progress(done, total, what)``."""
-
-Tables = dict[str, list[dict[str, Any]]]
-"""Rows of plain data, by the name of their table."""
-
+Progress = Callable[[int, int, str], None]  # ``progress(done, total, what)``
+Tables = dict[str, list[dict[str, Any]]]  # rows of plain data, by the name of their table
 T = TypeVar("T")
 VERSION = 3
 

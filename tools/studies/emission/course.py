@@ -14,9 +14,7 @@ from studies.common.timing import Stopwatch
 from studies.emission.scenes import Seen
 from tomo import metrics
 
-PATIENCE = 6
-"""Judgements without a new best after which a run is over."""
-
+PATIENCE = 6  # judgements without a new best after which a run is over
 Volume = NDArray[np.float32]
 
 

@@ -18,8 +18,7 @@ from studies.emission.course import Course
 from studies.emission.scenes import Seen
 from tomo.wernet import project
 
-STEPS, JUDGED = 300, 10
-"""Steps of Adam at the most, and from one judgement to the next."""
+STEPS, JUDGED = 300, 10  # steps of Adam at the most, and from one judgement to the next
 
 
 class NeuralField(nn.Module):

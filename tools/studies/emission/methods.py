@@ -92,9 +92,7 @@ def by_rtk(course: Course, seen: Seen, *, name: str, sweeps: Sequence[int], **ho
             break
 
 
-SWEEPS = 100
-"""The most passes of ART and SART, as papers have them."""
-
+SWEEPS = 100  # the most passes of ART and SART, as papers have them
 PAPER_RAYS = 1_500_000
 """Rays that wernet-paper learns from, over all epochs: its 80 would take an hour a scene."""
 

@@ -28,9 +28,7 @@ from tomo.operators import LinearSystem
 
 GRID = VoxelGrid((40, 60, 40), 1.0, (1.3, -0.7, 0.4))
 TINY_GRID = VoxelGrid((14, 20, 14), 1.0, (1.3, -0.7, 0.4))
-VERSION = 1
-"""The version of the scenes; another one makes all of them anew."""
-
+VERSION = 1  # the version of the scenes; another one makes all of them anew
 HELD = "held"
 
 

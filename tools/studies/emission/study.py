@@ -97,8 +97,7 @@ def figure_of(by_scene: Mapping[str, Mapping[str, list]]) -> Figure:
 
 PART = "scenes"
 SIZES = {"full": (GRID, tuple(SCENES)), "quick": (GRID, QUICK), "tiny": (TINY_GRID, QUICK[:1])}
-MOST_POINTS = 24
-"""Points of a curve that are kept."""
+MOST_POINTS = 24  # points of a curve that are kept
 
 
 def run(

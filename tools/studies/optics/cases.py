@@ -18,22 +18,16 @@ from rigs.scene import Cylinder, Glass, Mirror, Opaque, Scene, Window
 from studies.optics.sights import ByMirror, PastRod, Sight, ThroughLens, ThroughPlate, Vector
 
 VIEWS = 12
-DISTANCE = 300.0
-"""From cameras to the flame's middle, and of the plane in focus."""
-
+DISTANCE = 300.0  # from cameras to the flame's middle, and of the plane in focus
 PITCH = 10.0
 """Degrees that cameras stand above the middle: opposite ones then do not share their rays."""
 
-WIDTH, SHAPE = 60.0, (36, 48, 36)
-"""The flame's depth, as seen by any camera, and voxels."""
-
+WIDTH, SHAPE = 60.0, (36, 48, 36)  # the flame's depth, as seen by any camera, and voxels
 IMAGE_SIZE, FOOTPRINT = (128, 160), 0.6
 """Pixels, and what one covers at the flame: it fills the images' height."""
 
 QUARTZ, THICKNESS = 1.4585, 10.0
-STEEPEST = 30.0
-"""Degrees between the most tilted window and the optical axis."""
-
+STEEPEST = 30.0  # degrees between the most tilted window and the optical axis
 WINDOW_AWAY, WINDOW_SIZE = 170.0, (80.0, 80.0)
 ROD_RADIUS, ROD_LENGTH = 2.0, 300.0
 ROD_AWAY = 33.0
@@ -48,11 +42,8 @@ SPLIT_START, SPLIT_STEP = 150.0, 21.0
 """Degrees at which the other cameras stand: the back of the mirror hides nothing from them."""
 
 LENS = Optics(focal_length=100.0, f_number=2.8, focus_distance=DISTANCE)
-APERTURE_RAYS = 16
-"""Rays a pixel in the model."""
-
-DEPTH = 0.5
-"""Optical depth across the grid."""
+APERTURE_RAYS = 16  # rays a pixel in the model
+DEPTH = 0.5  # optical depth across the grid
 
 
 @dataclass(frozen=True, eq=False)

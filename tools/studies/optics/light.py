@@ -22,8 +22,7 @@ from studies.optics.sights import Sight
 from studies.scenes.forward import crossing
 from tomo import VoxelGrid
 
-PER_VOXEL = 4
-"""Nodes along a voxel's edge; a front of three voxels is then twelve nodes wide."""
+PER_VOXEL = 4  # nodes along a voxel's edge; a front of three voxels is then twelve nodes wide
 
 
 @dataclass(frozen=True)

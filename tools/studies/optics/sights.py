@@ -19,9 +19,7 @@ Lines = tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
 
 Vector = tuple[float, float, float]
 
-SUPERSAMPLE = 3
-"""Rays along a pixel's side, where the aperture is a point."""
-
+SUPERSAMPLE = 3  # rays along a pixel's side, where the aperture is a point
 LENS_RAYS = 256
 """Rays a pixel through an open aperture, each through another point of lens and pixel."""
 

@@ -29,9 +29,7 @@ from tomo import Scan, VoxelGrid
 
 NOISE = 0.01
 SEEDS = 2
-SMALL = 0.5
-"""By how much grid and images are smaller in a quick or tiny run."""
-
+SMALL = 0.5  # by how much grid and images are smaller in a quick or tiny run
 Row = dict[str, Any]
 
 

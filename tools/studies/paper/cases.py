@@ -14,12 +14,8 @@ from tomo import LinearSystem, VoxelGrid
 from tomo.hull import carve
 from tomo.simulation import camera_noise
 
-NOISE = 0.10
-"""Standard deviation of the noise over the images' maximum."""
-
-SEED = 0
-"""Seed of flames and noise."""
-
+NOISE = 0.10  # standard deviation of the noise over the images' maximum
+SEED = 0  # seed of flames and noise
 FINE = 2 / 3
 """Width of a pixel in voxels, in the middle of the grid. The text has 96 steps of 3200 rays in an
 epoch, 307,200 rays of 33 views: 9,309 a view, with which a pixel of a box of 30 x 140 voxels is

@@ -118,9 +118,7 @@ def _rows() -> list[Row]:
     return rows
 
 
-SEEDS = (0, 1, 2)
-"""Seeds of the ablation. Its row with bias and mask and seed 0 is ``jet``."""
-
+SEEDS = (0, 1, 2)  # seeds of the ablation. Its row with bias and mask and seed 0 is ``jet``
 ROWS = {row.name: row for row in _rows()}
 
 PARTS = {

@@ -26,9 +26,7 @@ from tomo.draw.figures import INK, MUTED, new_figure, save_figure, short_numbers
 from tomo.draw.figures import plain as words_of
 
 VERSION = 5
-SECTIONED = ("layouts", "views", "noise")
-"""Parts whose volumes are shown."""
-
+SECTIONED = ("layouts", "views", "noise")  # parts whose volumes are shown
 Records = Mapping[str, Mapping[str, Any]]
 
 SIZES = ("full", "quick")

@@ -19,9 +19,7 @@ IMAGE_SIZES = ((80, 100), (96, 120), (96, 120), (64, 80), (80, 100))
 DISTANCE = 150.0
 """Voxels between cameras and the grid's middle: rays of one camera are up to 15 degrees apart."""
 
-ROOM = 1.08
-"""Size of the region that an image shows, over the grid's outline."""
-
+ROOM = 1.08  # size of the region that an image shows, over the grid's outline
 NARROW = 2.4
 """Focal length of every other camera of a rig of narrow views, over that of the others."""
 

@@ -26,8 +26,7 @@ HARMS, OFF, AS_WELL = 1.15, 1.3, 1.05
 """Growth of the error from which a fault harms, from which it is off, and up to which a scene
 comes out as well as another solve of it."""
 
-WORSE = (1.10, 1.25)
-"""Error over that of the other tree from which faultless scenes are counted."""
+WORSE = (1.10, 1.25)  # error over that of the other tree from which faultless scenes are counted
 
 
 def tables_of(base: Rows, own: Rows | None = None) -> Tables:

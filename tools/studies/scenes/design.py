@@ -24,9 +24,7 @@ SPECIAL = {
 SPECIAL_RIGS = ("narrow-6", "narrow-8", "narrow-12"), ("ring-6", "dome-8", "two-level-12")
 """Rigs that cut flames beside the axis, and those that see what no view resolves."""
 
-SCENES = {"settle": 5, "report": 9, "fresh": 9}
-"""Faultless scenes of each family, by half."""
-
+SCENES = {"settle": 5, "report": 9, "fresh": 9}  # faultless scenes of each family, by half
 ALARMS = {"settle": 200, "report": 200, "fresh": 60}
 """Further scenes in which nothing should be said to be wrong."""
 
@@ -49,9 +47,7 @@ FAULTY = {
 PAIRS = {"settle": 9, "report": 9, "fresh": 3}
 """Pairs of field and rig for each fault and size: all, or those that a hash puts first."""
 
-FIRST_SPECIAL, FIRST_ALARM = 50, 100
-"""Seeds from which those scenes count."""
-
+FIRST_SPECIAL, FIRST_ALARM = 50, 100  # seeds from which those scenes count
 QUICK_FAULTLESS, QUICK_VIEWS = 14, 12
 
 

@@ -16,19 +16,13 @@ from studies.scenes.media import Gas
 from tomo import Corrections
 from tomo.simulation import camera_noise
 
-LIT = 0.02
-"""Fraction of an image's maximum above which a pixel counts as showing the flame."""
-
+LIT = 0.02  # fraction of an image's maximum above which a pixel counts as showing the flame
 GHOST_SHIFT = 0.15
 """By how much of the image's width a reflection in a lens lies beside its mirror image."""
 
-VEIL_WIDTH = 0.2
-"""Standard deviation of scattered light around its source, over the image's width."""
-
+VEIL_WIDTH = 0.2  # standard deviation of scattered light around its source, over the image's width
 CLEAN, TWELVE_BIT, GAUSSIAN = NOISES = ("clean", "12 bit", "10 %")
-BRIGHTEST = 0.85
-"""The brightest pixel of faultless images without noise, over full scale."""
-
+BRIGHTEST = 0.85  # the brightest pixel of faultless images without noise, over full scale
 PHOTONS, READ_NOISE = 5000.0, 8.0
 """Electrons in the brightest pixel, and of the read-out: 1.4 % and 0.16 % of the maximum."""
 

@@ -308,5 +308,4 @@ voxels by which rays are off where they leave, defocus in pixels."""
 
 KNOWN: Mapping[str, Fault] = {**FAULTS, **OPTICS}
 
-SIZES = 3
-"""How many each fault has."""
+SIZES = 3  # how many each fault has

@@ -51,11 +51,8 @@ FAMILIES: Mapping[str, Callable[[np.random.Generator, NDArray], Shape]] = (
 CUT = ("cut column", "cut flame")
 """Families whose light goes on above the grid: a report that says so is right."""
 
-ABOVE = 0.4
-"""Fraction of the grid's height that such light may reach above it."""
-
-POINTS_AT_ONCE = 1 << 15
-"""Points that are evaluated together: more leave a core's cache."""
+ABOVE = 0.4  # fraction of the grid's height that such light may reach above it
+POINTS_AT_ONCE = 1 << 15  # points that are evaluated together: more leave a core's cache
 
 
 class Field(Protocol):

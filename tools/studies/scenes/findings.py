@@ -29,11 +29,8 @@ EFFECTS: Mapping[str, str] = {
 }
 """Words by which the name of an effect is known, where it is not a key."""
 
-UNEXPLAINED = "unexplained"
-"""The effect of a finding that has none."""
-
-FIRST = 2
-"""Effects of a camera, or of all, that are looked at: the likeliest."""
+UNEXPLAINED = "unexplained"  # the effect of a finding that has none
+FIRST = 2  # effects of a camera, or of all, that are looked at: the likeliest
 
 
 class Finding(NamedTuple):

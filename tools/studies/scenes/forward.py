@@ -15,19 +15,12 @@ from rigs.camera_protocol import CameraLike
 from studies.scenes.fields import Field
 from studies.scenes.media import Gas, displacements
 
-STEP = 0.25
-"""Voxels between two samples of a ray. Sheets half a voxel thick are added to 1e-6."""
-
-SUPERSAMPLE = 2
-"""Rays along each side of a pixel."""
-
+STEP = 0.25  # voxels between two samples of a ray. Sheets half a voxel thick are added to 1e-6
+SUPERSAMPLE = 2  # rays along each side of a pixel
 SAMPLES_AT_ONCE = 1 << 18
-DARK = 1e-6
-"""Fraction of the brightest below which emission is not sampled."""
-
+DARK = 1e-6  # fraction of the brightest below which emission is not sampled
 NO_GAS = Gas()
-LOOKS = 3
-"""Points along each side of a cell that is looked into before it counts as dark."""
+LOOKS = 3  # points along each side of a cell that is looked into before it counts as dark
 
 
 def radiance(

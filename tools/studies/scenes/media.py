@@ -10,9 +10,7 @@ from numpy.typing import NDArray
 
 from tomo import VoxelGrid
 
-InSpace = Callable[[NDArray], NDArray]
-"""A function of points ``(..., 3)``."""
-
+InSpace = Callable[[NDArray], NDArray]  # a function of points ``(..., 3)``
 ACROSS = np.sqrt(2 * np.pi)
 """Integral of a Gaussian along a line through its middle, over its width."""
 

@@ -20,8 +20,7 @@ from studies.scenes.scene import KnownScene
 from tomo.operators import LINEAR, VOXEL
 from tomo.solvers.curvature import FIRST
 
-VERSION = 1
-"""The list's version; another one tries all scenes anew."""
+VERSION = 1  # the list's version; another one tries all scenes anew
 
 PLAIN: Mapping[str, int] = {
     "art": 30,

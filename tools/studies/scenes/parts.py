@@ -12,12 +12,8 @@ from studies.scenes.exposure import TWELVE_BIT
 from studies.scenes.recipe import SEEDS, Recipe
 from studies.scenes.trial import Row, Trials
 
-FAIR = (0.85, 0.98)
-"""Fractions of voxels inside between which intervals of 90 % are fair."""
-
-QUICK = 20
-"""Scenes of a quick run, four of them with detail that is finer than views resolve."""
-
+FAIR = (0.85, 0.98)  # fractions of voxels inside between which intervals of 90 % are fair
+QUICK = 20  # scenes of a quick run, four of them with detail that is finer than views resolve
 FINE = ("smoke sheets", "half-voxel sheets", "fine wrinkles", "fine ripples")
 
 MEANS = ("coverage", "by_noise", "width", "rank", "rank_by_noise", "total", "planes", "edges")

@@ -11,8 +11,7 @@ from studies.scenes.faults import KNOWN, SIZES
 from studies.scenes.fields import FAMILIES, REPORT, SETTLE, SPECIAL_REPORT, SPECIAL_SETTLE
 from tomo import VoxelGrid
 
-VERSION = 2
-"""The version of scenes; another one makes all of them anew."""
+VERSION = 2  # the version of scenes; another one makes all of them anew
 
 HALVES = {
     "settle": (*SETTLE, *SPECIAL_SETTLE),

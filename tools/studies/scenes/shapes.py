@@ -10,11 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 from rigs.geometry.rotation import matrix_of_vector
 
 Values = NDArray[np.float32]
-Shape = Callable[[NDArray[np.float32]], Values]
-"""From points ``(N, 3)`` to emission ``(N,)``."""
-
-FAR = 6.0
-"""Widths from a Gaussian's middle beyond which it is 1e-8 and not computed."""
+Shape = Callable[[NDArray[np.float32]], Values]  # from points ``(N, 3)`` to emission ``(N,)``
+FAR = 6.0  # widths from a Gaussian's middle beyond which it is 1e-8 and not computed
 
 
 def bell(distance: Values, width: ArrayLike) -> Values:

@@ -119,8 +119,7 @@ def row_of(
     return row
 
 
-EMITTING = 0.02
-"""Fraction of the truth's peak above which a voxel counts."""
+EMITTING = 0.02  # fraction of the truth's peak above which a voxel counts
 
 
 def inside(outcome: Reconstruction, truth: NDArray[np.float32]) -> dict[str, Any] | None:

@@ -19,9 +19,7 @@ from tomo.simulation.simulate import SimulatedImages
 
 GRID = VoxelGrid((20, 40, 20), 0.5)
 VIEWS = 12
-FOOTPRINT = 0.25
-"""Size of a pixel in the middle of the flame."""
-
+FOOTPRINT = 0.25  # size of a pixel in the middle of the flame
 Wrong = Callable[[Camera, float, np.random.Generator], Camera]
 
 

@@ -22,11 +22,8 @@ from tomo.pipeline.methods import method_named
 DISTANCES = (4.0, 1e2, 1e4, 1e6, 1e8)
 """Voxels from the middle of a grid of 12 x 28 x 12; the first is inside."""
 
-WIDTHS = (1e-9, 1e-3, 1e3, 1e9)
-"""Widths of a voxel, in units of length."""
-
-EXACT = {np.float64: 1e-12, np.float32: 1e-6}
-"""Bounds of the error of an adjoint."""
+WIDTHS = (1e-9, 1e-3, 1e3, 1e9)  # widths of a voxel, in units of length
+EXACT = {np.float64: 1e-12, np.float32: 1e-6}  # bounds of the error of an adjoint
 
 LENSES = {
     "brown": ((-0.3, 0.1, 1e-3, -1e-3), (1e6, 0, 0, 0), (-1e3, 1e6, 0, 0)),

@@ -35,8 +35,7 @@ GROWING = {
     "views": ("views", (6, 9, 12, 18, 27, 40)),
     "pixels": ("width", (34, 48, 68, 96, 136)),
 }
-STEEPEST = 1.2
-"""Power of voxels, views or pixels: each solve is linear in them or less."""
+STEEPEST = 1.2  # power of voxels, views or pixels: each solve is linear in them or less
 
 
 def run(request: Request) -> Iterator[Row]:

@@ -16,22 +16,13 @@ from tomo import LinearSystem, VoxelGrid, solvers
 from tomo.grid import ActiveVoxels
 from tomo.operators.operator import ProjectionOperator
 
-SIDE, QUICK_SIDE = 24, 16
-"""Voxels along a side; the object fills three fifths of it."""
-
+SIDE, QUICK_SIDE = 24, 16  # voxels along a side; the object fills three fifths of it
 DIRECTIONS, QUICK_DIRECTIONS = 60, 16
 
-FACTOR = 1.5
-"""Between predicted and measured wavelength."""
-
-SHARE = 0.8
-"""Least fraction of the directions above two voxels that are within `FACTOR`."""
-
-STEP = 1.15
-"""Ratio between neighbouring wavelengths that are tried."""
-
-FINEST = 2.0
-"""Voxels, the shortest wave that they hold."""
+FACTOR = 1.5  # between predicted and measured wavelength
+SHARE = 0.8  # least fraction of the directions above two voxels that are within `FACTOR`
+STEP = 1.15  # ratio between neighbouring wavelengths that are tried
+FINEST = 2.0  # voxels, the shortest wave that they hold
 
 
 def six_rigs(side: int) -> Mapping[str, Rig]:

@@ -20,9 +20,7 @@ from tomo.measurement.pixel_check import check_pixels
 from tomo.pipeline import Options, Reconstruction, reconstruct
 from tomo.simulation.effects import Effects
 
-WORSE = 1.5
-"""How many times its clean error the default method may have."""
-
+WORSE = 1.5  # how many times its clean error the default method may have
 BAD_PIXELS = 0.01
 FALSE_ALARMS = 1e-4
 SHRINK = {True: 0.3, False: 2 / 3}

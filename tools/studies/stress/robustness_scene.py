@@ -21,9 +21,7 @@ from tomo.simulation.simulate import SimulatedImages
 
 PRESET = "paper33_pitch"
 FLAMES = ("jet", "turbulent")
-WRONG, OTHER = 7, 15
-"""Views that something happens to."""
-
+WRONG, OTHER = 7, 15  # views that something happens to
 ALIKE = ("another moment", "mirrored", "another camera's image")
 """What shows hardly another image of a jet, which is nearly the same from all sides."""
 

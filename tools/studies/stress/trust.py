@@ -18,24 +18,16 @@ from tomo.simulation import simulate_images
 from tomo.uncertainty import Assessment, assess, half_widths
 
 WITHIN = 1.5
-SHARE = 0.8
-"""Fraction of the voxels whose standard deviations agree within `WITHIN`."""
-
+SHARE = 0.8  # fraction of the voxels whose standard deviations agree within `WITHIN`
 QUICK_SHARE = 0.6
 """With 12 repeats on either side, two perfect estimates scatter by 30 % and agree for 82 %."""
 
-REPEATS, QUICK_REPEATS = 30, 12
-"""Noisy sets that the deviations are checked against."""
-
+REPEATS, QUICK_REPEATS = 30, 12  # noisy sets that the deviations are checked against
 ESTIMATES, QUICK_ESTIMATES = 100, 20
 """Repeats of the one set that they are estimated from; half of them calibrate the others."""
 
-QUICK_SHAPE = (30, 70, 30)
-"""Half the height: half the voxels, of the same width."""
-
-BLOB = 0.5
-"""Voxels, the standard deviation of the small bright blob."""
-
+QUICK_SHAPE = (30, 70, 30)  # half the height: half the voxels, of the same width
+BLOB = 0.5  # voxels, the standard deviation of the small bright blob
 RESOLVED = 0.2
 FAN = 30.0
 
