@@ -1,9 +1,6 @@
-"""MetaImage (.mha, .mhd): a header of lines ``Key = Value``, as in MetaIO's standard.
+"""MetaImage (.mha, .mhd): a header of lines ``Key = Value``, values behind it or in a file beside.
 
-The values follow in the same file, or stand in one beside it.
-
-MetaIO itself fills a volume with what is in memory where its values do not unpack, and says so on
-stderr only; so the values are read here.
+MetaIO itself fills a volume with what is in memory where its values do not unpack.
 """
 
 from __future__ import annotations

@@ -46,11 +46,10 @@ def explained(report: Facts) -> Iterator[Facts]:
 
 def wrong(in_doubt: bool, report: Facts) -> Iterator[Facts]:
     """Yield what images say is wrong: what leaves the volume in doubt, or what was corrected."""
-    found, apart = [Finding.of(one) for one in report.get("findings") or ()], _held_out(report)
-    # nothing about a held-out camera leaves the volume in doubt
-    own = [one.leaves_doubt and one.camera not in apart for one in found]
-    both = zip(found, own, strict=True)
-    for said in together(one for one, doubted in both if doubted == in_doubt):
+    apart = _held_out(report)  # nothing about these leaves the volume in doubt
+    found = map(Finding.of, report.get("findings") or ())
+    own = (f for f in found if (f.leaves_doubt and f.camera not in apart) == in_doubt)
+    for said in together(own):
         yield {"reason": said.text, "step": said.step}
 
 

@@ -49,20 +49,14 @@ def save_scan(
 
     Parameters
     ----------
-    folder : path-like
-    rig : Rig
     frames : mapping
         Frame name to a mapping from camera name to image ``(h, w)``.
-    grid : VoxelGrid, optional
     truth : (nx, ny, nz) array, optional
         The true volume on ``grid``; stored as ``truth.npz``.
-    corrections : Corrections, optional
-        Paths of images must lie inside ``folder``; arrays are written to ``corrections/``.
-    effects : mapping, optional
-        The effects that the images were simulated with, see `Scan`.
-    radiometry : Radiometry, optional
-        As ``corrections``; its arrays are written to ``radiometry/``.
-    peak : float, optional
+    corrections, radiometry : optional
+        Paths of images must lie inside ``folder``; arrays are written to ``corrections/`` and
+        ``radiometry/``.
+    effects, peak : optional
         See `Scan`.
 
     Returns

@@ -1,9 +1,8 @@
 """One worker of a cluster: the plan that it holds, and the blocks that it is given.
 
-Workers may be processes of this machine. They are closed to its other users: Dask's processes run
-what they are sent, and listen at 127.0.0.1, which all users of the machine reach. So they take
-connections by TLS alone, with a key that is made for the run and is not kept on disk. They import
-from Dask's folder too: it is one of this run, which others cannot write to.
+Dask's processes run what they are sent, and all users of a machine reach 127.0.0.1. So those of
+this machine take connections by TLS alone, with a key of the run that is not kept on disk, and
+import from a folder of the run, which others cannot write to.
 """
 
 from __future__ import annotations

@@ -1,9 +1,7 @@
 """The store of a series: a Zarr v3 group that xarray reads, a chunk a frame, a record a block.
 
-Arrays of a block are written first, its chunk of ``complete`` last: a frame counts where that is
-1. Each file is renamed into place: a process that is killed leaves no half-written one. All are on
-the disk before the record is written: a loss of power leaves no record of what is lost. Each chunk
-carries a checksum, by which other damage is noticed.
+Arrays of a block are renamed into place and are on the disk before its chunk of ``complete``: a
+frame counts where that is 1. Checksums of chunks show other damage.
 """
 
 from __future__ import annotations

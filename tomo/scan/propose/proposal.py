@@ -32,32 +32,15 @@ from tomo.scan.scan import Scan
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A scan that is not written yet.
-
-    Attributes
-    ----------
-    folder : Path
-    scan : Scan
-        With rig, grid and corrections.
-    images : CameraImages
-    corrections : dict
-        As scan.yaml has them.
-    is_rig_kept : bool
-        Whether the folder's rig.yaml is the rig as it is.
-    said : dict of str to list of str
-        Sentences on the rig, the images, each correction and the grid: what was found, how it was
-        decided, and what was assumed.
-    scale : int
-        By how much images may be shrunk for such voxels.
-    """
+    """A scan that is not written yet, and sentences on what was found, and what was assumed."""
 
     folder: Path
-    scan: Scan
+    scan: Scan  # with rig, grid and corrections
     images: CameraImages
-    corrections: dict[str, Any]
-    is_rig_kept: bool
-    said: dict[str, list[str]]
-    scale: int = 1
+    corrections: dict[str, Any]  # as scan.yaml has them
+    is_rig_kept: bool  # the folder's rig.yaml is the rig as it is
+    said: dict[str, list[str]]  # on the rig, the images, each correction and the grid
+    scale: int = 1  # by which images may be shrunk for such voxels
 
     @property
     def grid(self) -> VoxelGrid:
@@ -68,12 +51,6 @@ class Proposal:
 
 def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
     """Return the scan of the images in a folder; nothing is written.
-
-    Parameters
-    ----------
-    folder : Path
-    request : Request, optional
-        What is known already.
 
     Raises
     ------

@@ -30,20 +30,9 @@ _HINTS = {
 def write_proposal(
     proposal: Proposal, pictures: Mapping[str, bytes] | None = None, *, force: bool = False
 ) -> Path:
-    """Write a proposal into its folder, all of it or nothing; return its scan.yaml.
+    """Write a proposal and further pictures into its folder, all or nothing; return its scan.yaml.
 
-    Parameters
-    ----------
-    proposal : Proposal
-    pictures : mapping of str to bytes, optional
-        Further files, by their names.
-    force : bool
-        Whether files that are there may be overwritten. The rig that the proposal keeps is not.
-
-    Raises
-    ------
-    FileExistsError
-        If one is there and ``force`` is not given.
+    What is there is overwritten by ``force`` alone, the rig that the proposal keeps not at all.
     """
     pictures = pictures or {}
     others = pictures if proposal.is_rig_kept else (RIG_FILE, *pictures)
