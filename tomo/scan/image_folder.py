@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from itertools import islice
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,9 +17,6 @@ from tomo.scan.scan import Scan
 
 if TYPE_CHECKING:
     from os import PathLike
-
-_MOST_LISTED = 10_000
-"""Files looked at for a message: more take seconds where a whole disk is given."""
 
 
 def scan_of_images(
@@ -87,7 +84,7 @@ def _no_images(
     folder: Path, camera: str, cameras: Sequence[str], pattern: str | None
 ) -> ValueError | FileNotFoundError:
     """Return the error about a camera whose images are not found."""
-    some = islice(folder.rglob("*"), _MOST_LISTED)
+    some = chain(folder.glob("*"), folder.glob("*/*"))  # deeper may be a whole disk
     inside = sorted(path for path in some if path.suffix.lower() in IMAGE_SUFFIXES)
     first = f", the first {inside[0].relative_to(folder)}" if inside else ""
     if pattern is not None:

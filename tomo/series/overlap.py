@@ -1,10 +1,11 @@
-"""Reading ahead and writing behind: a thread each, with bounded queues between."""
+"""Reading ahead and writing behind: a thread each."""
 
 from __future__ import annotations
 
 import queue
 import threading
 from collections.abc import Callable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import contextmanager
 from typing import Any, TypeVar
 
@@ -61,34 +62,19 @@ def read_ahead(items: Iterator[T], most: int) -> Iterator[Iterator[T]]:
 
 
 @contextmanager
-def write_behind(write: Callable[[T], None], most: int) -> Iterator[Callable[[T], None]]:
-    """Yield what takes items for ``write``, which a thread calls in order; at most so many wait.
+def write_behind(write: Callable[[T], object]) -> Iterator[Callable[[T], None]]:
+    """Yield what takes items for ``write``, which a thread calls while the next one is made.
 
     What ``write`` raises, the next item or the end of the block raises. All is written by then.
     """
-    waiting: queue.Queue[Any] = queue.Queue(most)
-    failed: list[BaseException] = []
-
-    def work() -> None:
-        while (item := waiting.get()) is not _END:
-            if failed:
-                continue  # so that nobody waits to put
-            try:
-                write(item)
-            except BaseException as error:  # raised by the one who puts
-                failed.append(error)
+    last: list[Future] = []
 
     def put(item: T) -> None:
-        if failed:
-            raise failed[0]
-        waiting.put(item)
+        for one in last:
+            one.result()
+        last[:] = [writer.submit(write, item)]
 
-    writer = threading.Thread(target=work, daemon=True)
-    writer.start()
-    try:
+    with ThreadPoolExecutor(1) as writer:
         yield put
-    finally:
-        waiting.put(_END)
-        writer.join()
-    if failed:
-        raise failed[0]
+    for one in last:
+        one.result()

@@ -50,9 +50,6 @@ if TYPE_CHECKING:
 Execute = Callable[[Plan, SeriesStore, Progress | None], None]
 """Solves every block that is not complete, like `run_plan`."""
 
-BEHIND = 2
-"""Volumes that wait to be written: more take memory, none leaves solver or writer waiting."""
-
 
 def reconstruct_series(
     scan: Scan | str | PathLike | Mapping[str, Any],
@@ -177,7 +174,7 @@ def run_blocks(
     done = len(plan.places) - sum(map(len, blocks))
     if progress:
         progress(done, len(plan.places), "")
-    with read_ahead(in_turn(), BLOCK) as frames, write_behind(write, BEHIND) as put:
+    with read_ahead(in_turn(), BLOCK) as frames, write_behind(write) as put:
         while True:
             found = list(itertools.islice(frames, 1))
             if not found:
