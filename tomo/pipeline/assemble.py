@@ -60,6 +60,7 @@ def assemble(
     system, names = stages.solve.built.system, registered.rig.names
     pixels, gains, moved = screened.pixels, screened.gains, screened.refinement
     unseen = int(np.count_nonzero(stages.assess.unseen))
+    dead = {name: asdict(lines) for name, lines in stages.load.dead_lines.items()}
     return Reconstruction(
         solution=replace(evaluated.solution, peak_memory=peak_memory()),
         rig=scan.rig,
@@ -97,7 +98,7 @@ def assemble(
             "origin": dict(scan.origin),
             "scale": scan.shrink,
             **scan.corrections.colours,
-            **_dead_lines(stages.load),
+            **({"dead_lines": dead} if dead else {}),
             "value_unit": scan.value_unit(stages.load.frame),
             **({} if scan.radiometry is None else {"radiometry": _radiometry(scan)}),
             "grid": {"shape": grid.shape, "spacing": grid.spacing, "center": grid.center},
@@ -108,12 +109,6 @@ def assemble(
         learned=evaluated.learned,
         uncertainty=stages.assess.uncertainty,
     )
-
-
-def _dead_lines(loaded: LoadedScan) -> dict[str, Any]:
-    """Return ``report.json``'s ``scan.dead_lines``; nothing where there are none."""
-    found = {name: asdict(lines) for name, lines in loaded.dead_lines.items()}
-    return {"dead_lines": found} if found else {}
 
 
 def _radiometry(scan: Scan) -> dict[str, Any]:

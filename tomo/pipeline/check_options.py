@@ -127,18 +127,11 @@ def _check_basis(options: Options, methods: list[Method]) -> None:
             f"blur: found {options.blur}, expected 0 for method {ray_by_ray[0]}: it goes ray by "
             "ray"
         )
-    if options.basis != LINEAR:
-        return
-    if not methods[0].through_lenses:
-        raise ValueError(
-            f"basis: found {LINEAR}, expected {VOXEL} for method {methods[0].name}: it goes ray "
-            "by ray"
-        )
+    why = f"method {methods[0].name} goes ray by ray" if not methods[0].through_lenses else ""
     if options.blur:
-        raise ValueError(
-            f"basis: found {LINEAR} with blur {options.blur}, expected {VOXEL}: a lens's blur is "
-            "known for voxels alone"
-        )
+        why = f"blur {options.blur} is known for voxels alone"
+    if options.basis == LINEAR and why:
+        raise ValueError(f"basis: found {LINEAR}, expected {VOXEL}: {why}")
 
 
 def _check_aperture(options: Options, scan: Scan) -> None:

@@ -34,14 +34,19 @@ from tomo.operators.view_gains import Gains
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.coarse import CoarseCopy, factor_of
 from tomo.pipeline.findings import findings_of, findings_of_pixels, with_lines
-from tomo.pipeline.frames import images_of, noise_of_frames
 from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.place import device_of_inference
 from tomo.pipeline.refine import Refinement, priors_of
-from tomo.pipeline.screen import ScreenedScan, with_image_in_place, without_unusable
+from tomo.pipeline.screen import (
+    ScreenedScan,
+    images_of,
+    noise_of_frames,
+    with_image_in_place,
+    without_unusable,
+)
 from tomo.pipeline.stage import as_warning, timed
 from tomo.scan import Scan
 from tomo.selection.folds import FEW_VIEWS

@@ -79,10 +79,8 @@ class Limits:
 
     def report(self) -> dict[str, Any]:
         """Return the limits as plain data, by camera."""
-        cameras = {}
-        for one in self.cameras:
-            figures = asdict(one)
-            cameras[figures.pop("camera")] = figures
+        figures = [asdict(one) for one in self.cameras]
+        cameras = {one.pop("camera"): one for one in figures}
         alike = [list(pair) for pair in self.alike]
         return {"cameras": cameras, "absorption": self.absorption, "alike": alike}
 

@@ -14,12 +14,11 @@ from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.pipeline.build import WeightedSystem, build
 from tomo.pipeline.evaluate import trace_apart
-from tomo.pipeline.frames import FrameImages, images_of, mean_of_frames
 from tomo.pipeline.infer import infer_effects
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.options import Options
 from tomo.pipeline.register import Registered, register
-from tomo.pipeline.screen import ScreenedScan, screen
+from tomo.pipeline.screen import FrameImages, ScreenedScan, images_of, mean_of_frames, screen
 from tomo.pipeline.stage import Record
 from tomo.pipeline.trace import TracedScan, trace_views
 from tomo.scan import Scan

@@ -14,9 +14,8 @@ from rigs import Rig
 from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.hull import Carving, carve
 from tomo.measurement import NoiseModel
-from tomo.pipeline.frames import FrameImages, noise_of_frames, usable_in_all
 from tomo.pipeline.options import OFF, Options
-from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.screen import FrameImages, ScreenedScan, noise_of_frames, usable_in_all
 from tomo.pipeline.stage import Record, timed
 
 

@@ -121,8 +121,7 @@ class Radiometry:
         return tuple(
             name
             for name in cameras
-            if for_camera(known.factor, name) is not None
-            or for_camera(known.image, name) is not None
+            if any(for_camera(one, name) is not None for one in (known.factor, known.image))
         )
 
     def per_count(

@@ -10,10 +10,9 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 
-from tomo.pipeline.frames import FrameImages, images_of
 from tomo.pipeline.load import LoadedScan, load
 from tomo.pipeline.options import Options
-from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.screen import FrameImages, ScreenedScan, images_of
 from tomo.scan import Scan
 
 BLOCK = 8

@@ -17,12 +17,11 @@ from tomo.operators.gpu.names import CPU, CUDA
 from tomo.pipeline.build import WeightedSystem, in_basis, weigh_images
 from tomo.pipeline.check_options import methods_of
 from tomo.pipeline.evaluate import pixels_in_sight, system_apart, trace_apart
-from tomo.pipeline.frames import FrameImages, usable_in_all
 from tomo.pipeline.options import Options
 from tomo.pipeline.place import at_device
 from tomo.pipeline.register import Registered, hull_of_frames
 from tomo.pipeline.report_json import plain
-from tomo.pipeline.screen import ScreenedScan
+from tomo.pipeline.screen import FrameImages, ScreenedScan, usable_in_all
 from tomo.pipeline.trace import through_gas, trace_views
 from tomo.pipeline.view import Peak
 from tomo.scan import Scan

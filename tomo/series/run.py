@@ -19,8 +19,8 @@ from rigs import Rig
 from rigs.progress import FRAMES, Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.operators.gpu import DeviceError
-from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.options import Options
+from tomo.pipeline.screen import FrameImages
 from tomo.scan import Scan
 from tomo.scan.files import as_scan
 from tomo.series.frames import BLOCK, blocks_of, choose_frames, reader_of

@@ -20,11 +20,11 @@ from tomo.pipeline.check_options import cameras_to_refine, check_cameras, check_
 from tomo.pipeline.coarse import FEWEST_VIEWS
 from tomo.pipeline.evaluate import counted, read_reference, system_apart
 from tomo.pipeline.first_use import warm_up_stages
-from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
 from tomo.pipeline.options import OFF, Options
 from tomo.pipeline.place import at_device
 from tomo.pipeline.prepare import prepare
+from tomo.pipeline.screen import FrameImages
 from tomo.pipeline.solve import solve
 from tomo.pipeline.view import peak_of
 from tomo.scan import Scan

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from tomo.pipeline.build import WeightedSystem
 from tomo.pipeline.evaluate import read_reference, views_of
-from tomo.pipeline.frames import FrameImages
 from tomo.pipeline.methods import AUTO, method_named
+from tomo.pipeline.screen import FrameImages
 from tomo.pipeline.solve import Solved, solve_by, voxel_means_of, with_own_absorption
 from tomo.pipeline.trace import through_gas
 from tomo.pipeline.view import View, quality

@@ -217,8 +217,8 @@ def test_few_views_end_in_the_linear_basis(few):
     ("settings", "words"),
     [
         ({"basis": "blobs"}, "basis: found 'blobs', expected one of auto, voxel, linear"),
-        ({"basis": "linear", "method": "art"}, "basis: found linear, expected voxel for method"),
-        ({"basis": "linear", "blur": 1.0}, "basis: found linear with blur 1.0, expected voxel"),
+        ({"basis": "linear", "method": "art"}, "basis: found linear, expected voxel: method art"),
+        ({"basis": "linear", "blur": 1.0}, "basis: found linear, expected voxel: blur 1.0 is"),
     ],
 )
 def test_impossible_options_are_refused(fine, settings, words):

@@ -72,9 +72,9 @@ def scan_text(proposal: Proposal) -> str:
     folder = proposal.folder
     if images.films:
         films = {name: _inside(film.path, folder) for name, film in images.films.items()}
-        entries.append((said["images"], {"films": films}))
+        found: dict[str, Any] = {"films": films}
     elif images.is_pattern_enough:
-        entries.append((said["images"], {"images": images.pattern}))
+        found = {"images": images.pattern}
     else:
         frames = [
             {
@@ -83,7 +83,8 @@ def scan_text(proposal: Proposal) -> str:
             }
             for frame in scan.frames
         ]
-        entries.append((said["images"], {"frames": frames}))
+        found = {"frames": frames}
+    entries.append((said["images"], found))
     text = "".join(_comment(lines) + _yaml(content) for lines, content in entries)
     return text + _corrections(proposal)
 
