@@ -25,22 +25,10 @@ _GOLDEN = (math.sqrt(5) - 1) / 2
 class Aperture:
     """The entrance pupil of a thin lens, and the plane that it has in focus.
 
-    Parameters
-    ----------
-    radius : float
-        Of the pupil, a disc around the centre of projection across the optical axis.
-    focus_distance : float
-        From the centre of projection to the plane in focus, along the optical axis.
-
-    Raises
-    ------
-    ValueError
-        If a value is not a positive finite number.
-
-    Notes
-    -----
-    All rays of a pixel cross where its line of sight meets the plane in focus. At the depth ``z``
-    they cover a disc of the diameter ``2 r |1 - z / focus_distance|``, the circle of confusion.
+    The pupil is a disc of ``radius`` around the centre of projection, across the optical axis,
+    along which ``focus_distance`` leads to that plane; both are positive. All rays of a pixel
+    cross where its line of sight meets the plane. At the depth ``z`` they cover a disc of the
+    diameter ``2 r |1 - z / focus_distance|``, the circle of confusion.
 
     Examples
     --------
@@ -60,16 +48,9 @@ class Aperture:
 
     @classmethod
     def of(cls, camera: CameraLike, focus_distance: float | None = None) -> Aperture:
-        """Return the aperture that a camera's `rigs.Optics` describe.
+        """Return the aperture of `rigs.Optics`, of radius ``focal_length / (2 f_number)``.
 
-        The radius is ``focal_length / (2 f_number)``; ``focus_distance`` replaces that of the
-        optics.
-
-        Raises
-        ------
-        ValueError
-            Naming the camera and the fields that are missing, or a lens that focuses nearer than
-            its focal length.
+        ``focus_distance`` replaces that of the optics; it has to exceed the focal length.
         """
         known: dict[str, Any] = {name: getattr(camera.optics, name, None) for name in NEEDED}
         known["focus_distance"] = focus_distance or known["focus_distance"]
@@ -142,30 +123,14 @@ def check_apertures(cameras: Iterable[CameraLike]) -> None:
 
 
 def disc_rule(count: int, turn: float = 0.0) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return points of the unit disc and their weights, for the mean over the disc.
+    """Return ``count`` points of the unit disc ``(M, 2)`` and their weights ``(M,)``, of sum one.
 
-    Parameters
-    ----------
-    count : int
-        M, two at least.
-    turn : float
-        By which part of the angle between neighbours on a ring all rings are turned.
-
-    Returns
-    -------
-    points : (M, 2) float64
-    weights : (M,) float64
-        Their sum is one.
-
-    Notes
-    -----
     Rings at the Gauss-Legendre points of the squared radius, in which a disc's area is even. Each
     has nearly the same number of points, evenly spaced in angle and turned by the golden ratio
-    from ring to ring. With ``n`` rings of ``4 n`` points it is exact for polynomials of degree
-    ``4 n - 1`` (Stroud, Approximate Calculation of Multiple Integrals, 1971, section 2.4).
+    from ring to ring, all by the part ``turn`` of their step. With ``n`` rings of ``4 n`` points
+    it is exact for polynomials of degree ``4 n - 1`` (Stroud, Approximate Calculation of Multiple
+    Integrals, 1971, section 2.4).
 
-    Examples
-    --------
     >>> points, weights = disc_rule(16)
     >>> round(float(weights @ points[:, 0] ** 6), 12)  # 5 / 64
     0.078125

@@ -213,8 +213,8 @@ class Camera(OnImage):
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
 
-        Pixel edges map to pixel edges: ``u' = scale (u + 1/2) - 1/2``. The new size is rounded
-        down: fractions of pixels at the right and bottom edges are dropped.
+        Edges map to edges, ``u' = scale (u + 1/2) - 1/2``; fractions of pixels right and below
+        drop out.
         """
         width, height = scaled_size(self.image_size, scale, f"camera {self.name}")
         shift = (scale - 1) / 2

@@ -139,10 +139,10 @@ def followed(
 ) -> dict[str, Any] | None:
     """Return the calibration of the rig ``before`` as it holds for ``after``, in one world.
 
-    Figures by camera follow its name (``names``: new ones by old ones), and go with it. A
-    target's pose stands in a camera's axes: it is converted where these turned, and to the
-    first camera's where that one is gone. Other figures stay those of the images calibrated.
-    ``lines`` say what was done, and are kept under `SINCE`.
+    Figures by camera go with its name (``names``: new ones by old ones). A target's pose stands in
+    a camera's axes: it is converted where these turned, and to the first camera's where that one
+    is gone. Other figures stay those of the images calibrated; `SINCE` keeps ``lines`` on what was
+    done.
     """
     if not before.calibration or not after.names:
         return before.calibration

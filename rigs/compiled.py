@@ -22,8 +22,7 @@ def compiled(function: Callable) -> Callable:
 def cached_with_helpers(kernel: numba.core.dispatcher.Dispatcher) -> None:
     """Have what is cached of a kernel not outlive a change of what it calls.
 
-    numba looks at the kernel's own file only: after an upgrade that changes a helper elsewhere,
-    the kernel of before would be loaded for ever.
+    numba looks at the kernel's own file only, not at helpers elsewhere that an upgrade changes.
     """
     cache = getattr(kernel, "_cache", None)  # numba has no public way; none without compiling
     file = getattr(cache, "_cache_file", None)

@@ -11,8 +11,8 @@ from typing import Any
 def check_figures(owner: Any, name: str, is_right: Callable[[float], bool], expected: str) -> None:
     """Make the numbers of a frozen dataclass plain floats, so that values compare and hash.
 
-    None stays. ``is_right`` says whether a finite number is in range, ``expected`` the same in
-    words, ``name`` what files call the whole; one line names the first that is no such number.
+    None stays; one line, ``name`` first, names the first that ``is_right`` denies and
+    ``expected``.
     """
     for field in fields(owner):
         found = getattr(owner, field.name)

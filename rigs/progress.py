@@ -40,22 +40,10 @@ FRAMES = "frames"
 
 @contextmanager
 def progress_of(progress: Progress | bool | None, name: str) -> Iterator[Progress | None]:
-    """Give what progress is reported to while the block runs.
+    """Give what progress is reported to while the block runs: a callable as it is, or None.
 
-    Parameters
-    ----------
-    progress : callable, bool or None
-        True shows a bar called ``name`` on stderr, or below the cell of a notebook; a callable is
-        given as it is; None and False give None.
-    name : str
+    True shows a bar called ``name`` on stderr, or below the cell of a notebook.
 
-    Raises
-    ------
-    ValueError
-        If it is none of these.
-
-    Examples
-    --------
     >>> with progress_of(lambda done, total, step: print(done, total, step), "trace") as tell:
     ...     tell(1, 3, "cam00")
     1 3 cam00
@@ -73,12 +61,9 @@ def progress_of(progress: Progress | bool | None, name: str) -> Iterator[Progres
 def staged(progress: Progress | None) -> Callable[[str], Progress | None]:
     """Return a function that begins a stage by name, and gives what its progress is reported to.
 
-    Examples
-    --------
     >>> stage = staged(lambda done, total, where: print(done, total, where))
-    >>> tell = stage("tracing")
+    >>> stage("tracing")(1, 5, "cam01")
     0 1 plan: tracing
-    >>> tell(1, 5, "cam01")
     1 5 plan: tracing: cam01
     """
 
@@ -98,12 +83,8 @@ def staged(progress: Progress | None) -> Callable[[str], Progress | None]:
 def stage_of(step: str) -> tuple[str, str]:
     """Return the stage of a step, empty where it has no line of its own, and the rest.
 
-    Examples
-    --------
-    >>> stage_of("plan: tracing: cam01")
-    ('tracing', 'cam01')
-    >>> stage_of("frame 7")
-    ('', 'frame 7')
+    >>> stage_of("plan: tracing: cam01"), stage_of("frame 7")
+    (('tracing', 'cam01'), ('', 'frame 7'))
     """
     if not step.startswith(STAGE):
         return "", step

@@ -196,13 +196,7 @@ class Rig(Sequence[CameraLike]):
         )
 
     def with_fresnel(self, fresnel: bool) -> Rig:
-        """Return the rig whose scene's glass takes the light that it reflects, or does not.
-
-        Raises
-        ------
-        ValueError
-            If the cameras look through no scene.
-        """
+        """Return the rig whose scene's glass takes the light that it reflects, or does not."""
         if self.scene is None:
             raise ValueError(
                 f"fresnel: found {fresnel} without a scene, expected one with windows in rig.yaml"

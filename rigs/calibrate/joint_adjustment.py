@@ -188,8 +188,7 @@ def _adjusted(
 ) -> tuple[Culled, ObservationArrays, Freedom, list[Terms], NDArray[np.float64]]:
     """Return the joint adjustment, its observations, what was free, lens terms and offsets.
 
-    Terms that pay only jointly are freed for ``auto``. Cameras that are out of step have the
-    moment of their images free; the points are then where these saw them.
+    ``auto`` frees terms that pay only jointly. Out of step the moment of images is free.
     """
     unmoved, terms = arrays, [view.terms for view in views]
 

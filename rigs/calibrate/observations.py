@@ -121,9 +121,8 @@ def without_repeats(
 ) -> tuple[NDArray[np.bool_], tuple[str, ...], tuple[str, ...]]:
     """Return which observations to keep, and lines on frozen cameras and on repeats.
 
-    An image is a repeat where all of its observations equal those of an earlier frame of the same
-    camera, to the last digit: noise never repeats itself. A camera is frozen that repeats an image
-    while others do not; repeats are frames that every camera repeats.
+    An image is a repeat whose observations equal an earlier one's to the last digit: noise never
+    repeats itself. A camera is frozen that repeats one while others do not.
     """
     keep = np.ones(len(observations), bool)
     first: dict[tuple[int, bytes], int] = {}

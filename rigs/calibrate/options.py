@@ -22,13 +22,7 @@ def check_options(
     target: object | None,
     scene: object | None = None,
 ) -> None:
-    """Raise unless the options of `rigs.calibrate.calibrate` suit such cameras and frames.
-
-    Raises
-    ------
-    ValueError
-        Naming the argument, what was found and what was expected.
-    """
+    """Raise unless the options of `rigs.calibrate.calibrate` suit such cameras and frames."""
     if distortion != "auto" and distortion not in TERMS:
         raise ValueError(
             f"distortion: found {distortion!r}, expected one of auto, {', '.join(TERMS)}"
@@ -80,13 +74,7 @@ def check_lens_options(intrinsics: Rig | None, known: Mapping[str, object]) -> N
 def common_lenses(
     cameras: Collection[str], sets: Iterable[Collection[str]]
 ) -> tuple[int, ...] | None:
-    """Return for each camera the first one of its set; None without sets.
-
-    Raises
-    ------
-    ValueError
-        If a name is not a camera's or is in two sets, or a set has one camera only.
-    """
+    """Return for each camera the first one of its set, of two or more; None without sets."""
     names, first = list(cameras), list(range(len(cameras)))
     taken: set[str] = set()
     for one in sets:

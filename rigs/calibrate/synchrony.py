@@ -123,10 +123,10 @@ def in_step(
 ) -> Synchrony:
     """Return the offsets in time of all cameras; their errors are infinite where undetermined.
 
-    The adjustment gets one more number a camera, the moment of its images; that of the first
-    camera is held. The target's way is found anew from its poses until the offsets settle. The
-    observations come under the frames of their numbers, ``arrays``, and under those whose moments
-    they show if cameras are late by ``whole`` ``(cameras,)``, ``filed``.
+    The moment of each camera's images is one more unknown, the first camera's held; the target's
+    way is found anew until the offsets settle. The observations come under the frames of their
+    numbers, ``arrays``, and, ``filed``, under those they show if cameras are late by ``whole``
+    ``(cameras,)``.
     """
     cameras = len(scene.lenses)
     together = adjust_robustly(scene, _known(scene, arrays), freedom, tolerance=1e-3).scene

@@ -54,16 +54,10 @@ def adjust_through(
 ) -> Adjusted:
     """Return the joint adjustment through a scene; the unknowns are in the rig's world.
 
-    Start values come from an adjustment ``together`` as if nothing were in the way. After a first
-    adjustment through the scene its effect is taken out of the observations: lens terms are then
-    chosen, and lenses and poses found anew, as they are without a scene. The last adjustment takes
-    the observations as they are.
-
-    Raises
-    ------
-    ValueError
-        If no camera looks through any glass of the scene or one stands in a solid, or no light of
-        the target reaches a camera.
+    It starts from an adjustment ``together`` as if nothing were in the way. After a first one
+    through the scene its effect is taken out of the observations: lens terms are then chosen, and
+    lenses and poses found anew, as without a scene. The last adjustment takes the observations as
+    they are.
     """
     names = observations.cameras
     # A given lens fits nothing behind water until the water is there
@@ -109,8 +103,8 @@ def _through(
 ) -> Adjusted:
     """Return an adjustment from the start of another one, through the scene.
 
-    Where the world is not that of a camera it moves with the unknowns. The scene stays in the
-    world, so that both are repeated until nothing moves.
+    The world, if not a camera's, moves with the unknowns, the scene does not: both are repeated
+    until nothing moves.
     """
     is_start = refraction is None
     if refraction is None:

@@ -23,11 +23,8 @@ class CameraDifference:
 
     Attributes
     ----------
-    name : str
-    distance : float
-        Between both positions, in the first rig's length unit.
-    angle : float
-        Angle of the rotation between both orientations, in degrees.
+    distance, angle : float
+        Between both positions, in the first rig's length unit, and both orientations, degrees.
     focal_length : float
         The second's focal length over the first's, less 1.
     lens : float
@@ -52,7 +49,7 @@ class CameraDifference:
 
 @dataclass(frozen=True, eq=False)
 class RigDifference:
-    """How two rigs differ.
+    """How two rigs differ, in the first's length unit.
 
     Attributes
     ----------
@@ -61,8 +58,7 @@ class RigDifference:
     only_first, only_second : tuple of str
         Names that the other rig lacks.
     R, t : (3, 3), (3,) float64
-        The rigid motion ``x_first = R x_second + t`` that aligns the second rig's cameras with the
-        first's best.
+        The motion ``x_first = R x_second + t`` that aligns the second's cameras with the first's.
     turn, shift : float
         Its angle in degrees, and the distance by which it moves the middle of the cameras.
     scale : float
@@ -70,7 +66,7 @@ class RigDifference:
     ray_miss : float
         RMS over points and cameras; a common motion does not count. NaN without points.
     second : Rig
-        The second rig after that motion, in the first's length unit.
+        The second rig after that motion.
     """
 
     cameras: tuple[CameraDifference, ...]

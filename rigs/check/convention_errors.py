@@ -43,8 +43,7 @@ def find_convention_errors(rig: Rig, points: ArrayLike, voxel: float) -> tuple[F
     that sees less than 2 % of the volume, or with pixels larger than 8 voxels, or less than a
     quarter of it with pixels smaller than 1/8 voxel. Each known error is corrected in turn; the
     first is returned after whose correction those cameras see most of the volume with pixels of
-    0.01 to 4 voxels. A rig whose world is mirrored as a whole is consistent in itself and is not
-    detected: only images show it.
+    0.01 to 4 voxels. A world mirrored as a whole is consistent in itself: only images show it.
     """
     points = np.asarray(points, np.float64)
     fraction, size = _view_of_volume(rig, points, voxel)

@@ -95,10 +95,9 @@ def grid_choice(check: RigCheck) -> Iterator[Finding]:
 
 
 def suitable_voxel(check: RigCheck, pixel: float) -> float:
-    """Return the voxel that suits: as wide as a pixel, wider where the views resolve less.
+    """Return the voxel that suits, rounded: a ``pixel``'s width, or more where views resolve less.
 
-    It is the larger one of a ``pixel`` and an eighth of the wavelength down to which half of all
-    details are measured, rounded.
+    That is an eighth of the wavelength down to which half of all details are measured.
     """
     half = check.resolved.half
     wanted = max(pixel, half / _VOXELS_A_WAVE) if math.isfinite(half) else pixel

@@ -77,9 +77,8 @@ def unseen(check: RigCheck) -> Iterator[Finding]:
 def _how_to_see_all(camera: CameraLike, points: NDArray[np.float64], length_unit: str) -> str:
     """Return in words what would bring all points ``(N, 3)`` into a camera's image, or ``""``.
 
-    It names the longest focal length at this place and the least distance from the points' middle
-    with this lens, without the lens's distortion; aimed at the middle, where that lets a longer
-    lens do. Cameras behind glass, tables of rays and fisheyes get no advice.
+    The longest focal length here, and the least distance with this lens, without distortion; aimed
+    at the points' middle if that helps. Cameras behind glass, tables and fisheyes get no advice.
     """
     if not has_lens(camera) or camera.distortion.model == "fisheye":
         return ""

@@ -68,10 +68,9 @@ def finite_rms(values: NDArray[np.float64]) -> float:
 def expected_ray_miss(
     directions: NDArray[np.float64], error: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """Return the expected ray-miss of lines with known errors, ``(N,)``; see `coverage`.
+    """Return the expected ray-miss ``(N,)`` of lines along ``directions`` ``(N, C, 3)``.
 
-    ``directions`` ``(N, C, 3)`` are unit vectors along the lines. ``error`` ``(N, C)`` is the RMS
-    displacement of each along each direction across it, in lengths; NaN where there is no line.
+    ``error`` ``(N, C)``: RMS displacement along each direction across a line; NaN without a line.
     """
     there = np.isfinite(error)
     variance = np.where(there, error, 0.0) ** 2  # (N, C)

@@ -35,10 +35,8 @@ class ResolvedWavelength:
     half, nine_tenths : float
         The 50 % and 90 % quantiles of the wavelength over directions and points: half of all
         waves, and nine tenths, are measured down to it. Infinite where no view sees the object.
-    worst : float
-        The largest wavelength over all directions, its median over the points.
-    worst_direction : (3,) float64
-        Its direction, a unit vector.
+    worst, worst_direction : float, (3,) float64
+        The largest wavelength over all directions, its median over the points; its unit vector.
     of_length : float
         The largest wavelength relative to the object's extent along the same direction, which is
         ``sqrt(12 n^T S n)``: a flat object has no waves across it. 0 where voxels alone limit it.
@@ -233,9 +231,8 @@ def object_length(
     """Return an object's length along unit vectors ``(..., 3)``: ``sqrt(12 / d^T S^-1 d)``.
 
     Normally distributed positions of covariance ``S`` have the variance ``1 / d^T S^-1 d`` on
-    every line along ``d``; the length is that of the uniform piece of a line with this variance.
-    For a box with edges ``e`` along the axes it is ``1 / sqrt(sum_j (d_j / e_j)^2)``: the edge
-    along an axis, and hardly more than the width for a line that crosses a tall box aslant.
+    every line along ``d``; a uniform piece of that length has it too. For a box with edges ``e``
+    along the axes it is ``1 / sqrt(sum_j (d_j / e_j)^2)``: hardly more than the width aslant.
     """
     inverse = np.linalg.inv(covariance)
     squares = np.einsum("...i,ij,...j->...", directions, inverse, directions)
@@ -258,11 +255,10 @@ def half_sphere(count: int) -> NDArray[np.float64]:
 def closing_view(
     direction: NDArray[np.float64], lines: NDArray[np.float64]
 ) -> NDArray[np.float64] | None:
-    """Return the viewing direction ``(3,)`` that best measures waves along ``direction``.
+    """Return the viewing direction across ``direction`` that is closest to ``lines`` ``(C, 3)``.
 
-    Every view across ``direction`` ``(3,)`` measures them down to the pixel. The one returned is
-    closest to the present ``lines`` ``(C, 3)``: for a ring it lies in the ring's plane. None where
-    the lines do not determine one.
+    It measures those waves down to the pixel; for a ring it lies in its plane. None if
+    undetermined.
     """
     across = lines - (lines @ direction)[:, None] * direction
     values, vectors = np.linalg.eigh(across.T @ across)

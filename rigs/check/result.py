@@ -16,16 +16,9 @@ from rigs.rig import Volume
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing to know about a rig.
+    """One thing to know about a rig, and the ``cameras`` responsible, if any.
 
-    Attributes
-    ----------
-    level : {"fault", "warning", "note"}
-        A fault makes a reconstruction wrong; a warning limits it; a note does neither.
-    text : str
-        The finding and its meaning.
-    cameras : tuple of str
-        The cameras responsible; empty where none is.
+    ``level`` is "fault" (makes a reconstruction wrong), "warning" (limits it) or "note".
     """
 
     level: str
@@ -39,16 +32,14 @@ class CameraFigures:
 
     Attributes
     ----------
-    name : str
     distance : float
         Distance from the middle of the volume.
     field_of_view : float
         Angle across the image's diagonal, degrees.
     sees : float
         Fraction of the volume in its image, 0 to 1.
-    footprint : float
+    footprint, footprint_in_voxels : float
         Median size of a pixel in the volume.
-    footprint_in_voxels : float
     blur_in_pixels, blur_in_voxels : float
         The largest diameter of the defocus in the volume.
     nearest_view : float
@@ -96,10 +87,9 @@ class RigCheck:
     weights : (N,) float64
         Fractions of the volume that the points stand for; their sum is 1.
     volume, lattice : Volume, optional
-        The voxels checked, and the coarse ones whose centres are the points; None where points
-        were given.
+        The voxels checked, and coarse ones with the points in the middle; None with given points.
     pixel_accuracy : float, optional
-        RMS error of a line of sight in pixels, as given; None where `PIXEL_ACCURACY` was assumed.
+        RMS error of a line of sight in pixels, if given; else `PIXEL_ACCURACY` was assumed.
     """
 
     coverage: Coverage

@@ -108,8 +108,7 @@ def scale_for(rig: Rig, volume: Box) -> tuple[float, int] | None:
 def lattice(volume: Box, most: int = MOST_POINTS) -> Volume:
     """Return coarse voxels whose outermost centres are those of ``volume``.
 
-    Where an edge holds three voxels or more, an odd number of points stands along it, so that
-    one lies in its middle.
+    An edge of three voxels or more has an odd number of them, one in its middle.
     """
     voxels = np.array(volume.shape)
     low, high = 0.0, 1.0

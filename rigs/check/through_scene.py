@@ -91,8 +91,6 @@ class Shift:
 def shift_at(camera: SceneCamera, point: NDArray[np.float64]) -> Shift | None:
     """Return the shift of the line of sight through a point; None without glass, or hidden.
 
-    Notes
-    -----
     The index falls with the wavelength as ``A + B / w²`` (Cauchy), with the ``B`` that Abbe's
     number gives between 486 and 656 nm.
     """

@@ -243,10 +243,9 @@ def _runs(process: int) -> bool:
 
 
 def flush(paths: Iterable[Path]) -> None:
-    """Return once files and folders are on the disk, one after the other.
+    """Return once files, then folders, are on the disk: a folder's entry holds the names in it.
 
-    A folder's own entry holds the names in it. So a file stays whole under its name once the file
-    and then its folder are flushed. Windows flushes no folders.
+    So a file stays whole under its name. Windows flushes no folders.
     """
     for path in paths:
         is_folder = path.is_dir()

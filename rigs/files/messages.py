@@ -21,8 +21,7 @@ def first_problem(
 ) -> tuple[list[str | int], str]:
     """Return the path in ``data`` of the first problem, and what was found and expected there.
 
-    The most specific of several problems is reported: another format or version before unknown
-    fields before missing ones.
+    The most specific one: another format or version, then unknown fields, then missing ones.
     """
     problems = error.errors(include_url=False)
     problem = min(

@@ -133,15 +133,7 @@ def _check_header(file: IO[bytes], size: int, what: str) -> None:
 def path_inside(file: str, folder: Path, where: str, owner: str = "rig's") -> Path:
     """Return the path of a file that a file in ``folder`` names, or raise if it leaves the folder.
 
-    Parameters
-    ----------
-    file : str
-        Relative to ``folder``; with the slashes of any system.
-    folder : Path
-    where : str
-        Begins the message: what names the file.
-    owner : str
-        Whose folder it is, for the message.
+    ``file`` may have the slashes of any system; ``where`` names it and ``owner`` the folder's.
     """
     is_path = bool(file.strip()) and not breaks_a_line(file) and not PureWindowsPath(file).anchor
     path = folder / file.replace("\\", "/")

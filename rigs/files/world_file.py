@@ -25,17 +25,9 @@ _MORE = ("world_frame", "length_unit", "rescale")
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """The motion ``x_new = size R @ x_old + t`` into a new world.
+    """The motion ``x_new = size R @ x_old + t`` into a new world, which is ``frame`` in words.
 
-    Attributes
-    ----------
-    R, t : (3, 3), (3,) float64
-    size : float
-        By how much lengths grow, before the motion.
-    frame : str
-        The new world in words.
-    misfit : float
-        RMS distance by which given places of points are missed; 0 for other kinds.
+    ``misfit`` is the RMS distance by which given places of points are missed; 0 for other kinds.
     """
 
     R: NDArray[np.float64]

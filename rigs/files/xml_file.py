@@ -28,10 +28,9 @@ class _Guarded(ElementTree.TreeBuilder):
 
 
 def read_xml(path: str | os.PathLike) -> ElementTree.Element:
-    """Return the root element of the XML file at ``path``.
+    """Return the root element of the XML file at ``path``, of a document without entities.
 
-    A document that declares entities is refused: a few lines of them may expand to any amount of
-    text or name other files. External document types are not fetched.
+    A few lines of those may expand to any amount of text, or name other files.
     """
     return parse_xml(read_text(path), path)
 

@@ -25,14 +25,9 @@ Frames = list[tuple[str, dict[str, Path]]]
 
 @dataclass
 class Views:
-    """The images of a file with their cameras, collected one by one.
+    """The images of the file ``path`` with their cameras, collected one by one.
 
-    Attributes
-    ----------
-    path : Path
-        The file.
-    lost : list of str
-        Views without a pose, which are left out.
+    ``lost`` are views without a pose, which are left out.
     """
 
     path: Path
@@ -51,9 +46,8 @@ class Views:
     ) -> None:
         """Add an image and its camera under a placeholder name.
 
-        ``sensor`` names the physical camera where the file does, see `named`; ``finish``, a
-        function or its `functools.partial` with keywords, makes a table of rays where no lens
-        holds the camera's.
+        ``sensor`` is the physical camera, see `named`; ``finish``, a function or its
+        `functools.partial` with keywords, makes a table of rays where no lens holds the camera's.
         """
         path = PurePosixPath(image.strip().replace("\\", "/"))
         if not path.name:
@@ -114,13 +108,11 @@ def named(
 ) -> tuple[list[str], list[str]]:
     """Return each image's camera name and frame name.
 
-    An image's camera is the one given, else its folder, else the image itself, named by its
-    stem; the frame is the image's stem. A folder of *all* images names no camera if their
-    cameras differ: each image is then a camera, and all belong to one frame, ``file_stem``.
-    Images of equal pose and lens among those are moments of one camera: see `_moments`.
-
-    ``sensors`` tells, where a file does, which images one physical camera took. Where all folders
-    are of one that moved between the images of a folder, every image is a camera too.
+    An image's camera is the one given, else its folder, else the image itself, named by its stem;
+    the frame is the image's stem. A folder of *all* images names no camera if their cameras
+    differ: each image is then a camera, and all belong to one frame, ``file_stem``. Images of
+    equal pose and lens among those are moments of one camera: see `_moments`. Where ``sensors``,
+    an image's physical camera each, are all one that moved, every image is a camera too.
     """
     unnamed = [i for i, name in enumerate(given) if name is None]
     folders = {images[i].parent for i in unnamed}

@@ -61,13 +61,7 @@ Similarity = tuple[float, NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True)
 class Sensor:
-    """A sensor: its type, image size, camera matrix, lens (None: a table of rays), coefficients.
-
-    Examples
-    --------
-    >>> Sensor("frame", (9, 7), ((80, 0, 4), (0, 80, 3), (0, 0, 1)), None, (("k4", 0.1),)).kind
-    'frame'
-    """
+    """A sensor's type, size, camera matrix, lens (None: a table of rays) and coefficients."""
 
     kind: str
     size: tuple[int, int]

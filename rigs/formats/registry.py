@@ -20,25 +20,13 @@ from rigs.rig import Rig
 
 @dataclass(frozen=True)
 class Format:
-    """A file format and its module in this package.
+    """A file format and its module here, or that of ``base``, where a name alone chooses it.
 
-    A module has ``looks_like(path, head)``, ``load(path, image_size)`` and, where it writes,
-    ``save(rig, path)``. Its errors are lines of ValueError that begin with the camera and field;
-    `load` and `save` here put the file before them.
-
-    Attributes
-    ----------
-    name, about : str
-    suffixes : tuple of str
-        Endings of paths that are written in this format by default.
-    reads, writes : bool
-        Whether the module has ``load``, and ``save``.
-    base : str
-        The module of another name; such a format is chosen by its name, not recognised.
-    options : mapping
-        What the module's ``load`` takes beside path and image size.
-    words : str
-        Words that every file of it holds: errors name the format that lacks fewest of them.
+    A module has ``looks_like(path, head)``, ``load(path, image_size)``, which takes ``options``
+    too, and, where it writes, ``save(rig, path)``. Its errors are lines of ValueError that begin
+    with the camera and field; `load` and `save` here put the file before them. Paths with
+    ``suffixes`` are written in it by default. Every file of it holds ``words``: errors name the
+    format that lacks fewest of them.
     """
 
     name: str

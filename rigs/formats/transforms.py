@@ -44,8 +44,8 @@ def load_transforms(
     Returns
     -------
     rig : Rig
-        Cameras in order of appearance, ``calibrated``. The file names no unit, so
-        ``length_unit`` is ``unit``, unless it holds one.
+        Cameras in order of appearance, ``calibrated``; its ``length_unit`` is ``unit``, unless the
+        file holds one.
     frames : list of (str, {camera name: Path})
         In order of appearance; images are not opened, nor need they exist. A path that is
         absolute, of Windows, or leads out of the file's folder is kept as it is: who opens an
@@ -53,11 +53,7 @@ def load_transforms(
 
     Notes
     -----
-    An entry's camera is its ``camera``, else its image's folder, else the entry itself, named
-    by its image's stem; the frame is the image's stem. A folder of *all* images names no
-    camera if their cameras differ: each entry is then a camera, and all belong to one frame,
-    which is named like the file. Entries of equal pose and lens among those are moments of one
-    camera, if the numbers at the end of their names say so, and refused if they do not.
+    An entry's camera is its ``camera``, else as in `rigs.formats._views.named`; so is its frame.
     """
     path = Path(path)
     data = read_json(path)
@@ -98,18 +94,8 @@ def load_transforms(
 
 
 def save_transforms(rig: Rig, path: str | os.PathLike, frames: Frames | None = None) -> None:
-    """Write a ``transforms.json`` that nerfstudio and instant-ngp read.
+    """Write a ``transforms.json`` of ``frames``, by default one of ``images/<camera>.png``.
 
-    Parameters
-    ----------
-    rig : Rig
-    path : path
-    frames : list of (str, {camera name: Path}), optional
-        As `load_transforms` returns them: one entry per image, its path relative to the file's
-        folder. By default one entry per camera, ``images/<camera>.png``.
-
-    Notes
-    -----
     instant-ngp reads k1, k2, p1, p2 of a lens, and fisheyes; other coefficients it ignores.
     A rational lens is FULL_OPENCV here, as in COLMAP; nerfstudio refuses it.
     """

@@ -9,13 +9,7 @@ _EXACT = 1e-14  # deviation from orthonormal up to which a rotation is kept bit 
 
 
 def numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.float64]:
-    """Return ``value`` as a read-only float64 array of ``shape``.
-
-    Raises
-    ------
-    ValueError
-        Naming ``what``, if the shape differs or a number is not finite.
-    """
+    """Return ``value`` as a read-only, finite float64 array of ``shape``; errors name ``what``."""
     try:
         array = np.array(value, dtype=np.float64)
     except (TypeError, ValueError, OverflowError):
@@ -29,16 +23,11 @@ def numbers(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[np.f
 
 
 def rotation(value: ArrayLike, what: str, tolerance: float = 1e-6) -> NDArray[np.float64]:
-    """Return ``value`` as a read-only rotation matrix ``(3, 3)``.
+    """Return ``value`` as a read-only rotation matrix ``(3, 3)``; a mirrored one is refused.
 
     Within ``tolerance`` of orthonormal (largest entry of ``R R^T - 1``) it is replaced by the
     nearest rotation, so that rays and projections agree to the last digits. A matrix that is
     orthonormal to 1e-14 is kept bit by bit.
-
-    Raises
-    ------
-    ValueError
-        If the matrix is mirrored or further than ``tolerance`` from orthonormal.
     """
     R = numbers(value, (3, 3), what)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -97,10 +86,9 @@ def quaternion_of_matrix(R: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def upper_times_rotation(matrix: NDArray[np.float64]) -> tuple[NDArray, NDArray]:
-    """Return K and R, ``(3, 3)`` each, with ``K R`` the matrix ``(3, 3)``.
+    """Return K, upper triangular with a positive diagonal, and R of the matrix ``K R``.
 
-    K is upper triangular with a positive diagonal; R is orthonormal, and a rotation where the
-    matrix's determinant is positive.
+    R is orthonormal, and a rotation where the matrix's determinant is positive.
     """
     q, r = np.linalg.qr(matrix[::-1].T)
     K, R = r.T[::-1, ::-1], q.T[::-1]
@@ -122,11 +110,10 @@ _ON_A_LINE = 1e-6  # second spread over the first, below which points fix no tur
 def motion_between(
     points: NDArray[np.float64], onto: NDArray[np.float64], rescale: bool = False
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
-    """Return R ``(3, 3)``, t ``(3,)`` and s of ``onto = s R points + t``, best in least squares.
+    """Return R, t and s of ``onto = s R points + t``, best in least squares over ``(N, 3)``.
 
-    Points ``(N, 3)`` on a line leave R one of many; s is 1 without ``rescale``, and R is never
-    mirrored (Umeyama, "Least-squares estimation of transformation parameters between two point
-    patterns", 1991).
+    On a line R is one of many; s is 1 without ``rescale``; R is never mirrored (Umeyama,
+    "Least-squares estimation of transformation parameters between two point patterns", 1991).
     """
     middle, there = points.mean(axis=0), onto.mean(axis=0)
     left, values, right = np.linalg.svd((onto - there).T @ (points - middle))

@@ -120,10 +120,9 @@ def _is_symmetric(full: tuple[float, ...]) -> bool:
 def _moves_along(jacobian: NDArray) -> NDArray[np.bool_]:
     """Return whether the symmetric part of each ``(..., 2, 2)`` is positive definite, ``(...)``.
 
-    In a convex region where it is, no two points have one image, because
-    ``(f(p) - f(q)) . (p - q) > 0``. A positive determinant is not enough: beyond a turn by 180
-    degrees it is positive again, and around a strong prism's fold the plane is covered several
-    times with a positive determinant throughout.
+    In a convex region where it is, no two points have one image, because ``(f(p) - f(q)) . (p - q)
+    > 0``. A positive determinant is not enough: it comes back beyond a turn by 180 degrees, and
+    around a strong prism's fold.
     """
     with np.errstate(over="ignore", invalid="ignore"):
         across = (jacobian[..., 0, 1] + jacobian[..., 1, 0]) / 2
@@ -146,10 +145,10 @@ def _before_fold(full: tuple[float, ...], pinhole: NDArray) -> NDArray[np.bool_]
 def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
     """Return the angle off the axis of the first fold, in equally spaced directions around it.
 
-    One angle where the lens is symmetric, else one for each of 256 directions from +x to +y; pi/2
-    where there is no fold within 89.9 degrees. A fold is where the Jacobian's symmetric part or
-    the radial denominator stops being positive. It is bracketed on a list of angles, dense near
-    the axis, then bisected to the last bit.
+    One angle where the lens is symmetric, else 256 from +x to +y; pi/2 where there is no fold
+    within 89.9 degrees. A fold is where the Jacobian's symmetric part or the radial denominator
+    stops being positive. It is bracketed on a list of angles, dense near the axis, then bisected
+    to the last bit.
     """
     is_symmetric = _is_symmetric(coefficients)
     steps = _RADIAL_STEPS * (16 if is_symmetric else 1)
@@ -179,8 +178,8 @@ def fold_angles(coefficients: tuple[float, ...]) -> tuple[float, ...]:
 def _undistorted(full: tuple[float, ...], image: NDArray) -> NDArray[np.float64]:
     """Return the points ``(N, 2)`` inside the domain that the lens maps to ``image``, or NaN.
 
-    Newton's method from the inverse of the radial part. Where that fails and the lens is not
-    symmetric, it starts once more from the nearest of a set of points that covers the domain.
+    Newton's method from the inverse of the radial part; of an asymmetric lens, where that fails,
+    once more from the nearest of a set of points that covers the domain.
     """
     solved = np.full_like(image, np.nan)
     todo = np.flatnonzero(np.isfinite(image).all(axis=1))

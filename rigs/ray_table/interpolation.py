@@ -33,12 +33,9 @@ def interpolated_rays(
 ) -> LocalRays:
     """Return the rays at fractional pixels ``(N, 2)`` of a table, bilinear between its pixels.
 
-    ``origins, directions`` ``(h, w, 3)`` are NaN where a pixel has no ray.
-
-    Notes
-    -----
-    Next to a pixel without a ray, and beyond the border, a ray is extrapolated from the nearest
-    pixel by its slopes to existing neighbours. It is NaN where the nearest pixel has no ray.
+    Next to a pixel without a ray (NaN), and beyond the border, a ray is extrapolated from the
+    nearest pixel by its slopes to existing neighbours. It is NaN where the nearest pixel has no
+    ray.
     """
     height, width = directions.shape[:2]
     size = np.array([width, height])
@@ -118,9 +115,9 @@ def project_to_table(
 ) -> NDArray[np.float64]:
     """Return the table pixels ``(N, 2)`` whose rays pass through points; NaN where none does.
 
-    Newton's method solves ``o(x, y) + s d(x, y) = p`` for column, row and distance ``s``. It
-    starts from the nearest of a set of points on the table's rays. A table without holes and
-    jumps (``is_whole``) needs one start.
+    Newton's method solves ``o(x, y) + s d(x, y) = p`` for column, row and distance ``s``, from the
+    nearest of a set of points on the rays; once for a table without holes and jumps
+    (``is_whole``).
     """
     from scipy.spatial import cKDTree
 

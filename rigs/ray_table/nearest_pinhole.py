@@ -57,11 +57,6 @@ def fitted_pinhole(
 
     ``rays`` gives origins and directions ``(N, 3)`` of pixels ``(N, 2)``; ``in_view`` says which
     belong to the view that is fitted.
-
-    Raises
-    ------
-    ValueError
-        If no pixel has a ray.
     """
     for part in (0.5, 1.0, None):  # lenses bend least in the middle
         uv = spread_pixels(image_size, part) if part else pixel_centres(image_size)
@@ -92,14 +87,11 @@ def nearest_pinhole(
 ) -> tuple[NDArray, NDArray, NDArray]:
     """Return the camera matrix, R ``(3, 3)`` each, and the position ``(3,)``.
 
-    ``uv`` ``(N, 2)`` are pixels, ``origins, directions`` ``(N, 3)`` their rays, all finite.
-
-    Notes
-    -----
     The position is the point nearest to all rays; for parallel rays it is far behind their
-    origins. Matrix and rotation follow from the least-squares homography from directions to
-    pixels (Hartley and Zisserman, "Multiple View Geometry", algorithms 4.1 and A4.1.1). Rays by a
-    mirror have a mirrored image, which no rotation gives: its left and right are exchanged.
+    origins. Matrix and rotation follow from the least-squares homography from directions ``(N,
+    3)`` to pixels (Hartley and Zisserman, "Multiple View Geometry", algorithms 4.1 and A4.1.1).
+    Rays by a mirror have a mirrored image, which no rotation gives: its left and right are
+    exchanged.
     """
     axis = _unit(directions.mean(axis=0))
     position, certainty = nearest_point(origins, directions)

@@ -57,8 +57,7 @@ def origins_for(value: ArrayLike, shape: tuple[int, ...], what: str) -> NDArray[
 def view_labels(directions: NDArray[np.float64]) -> NDArray[np.integer]:
     """Return the label from 1 of the connected view of each pixel ``(h, w)``; 0 between views.
 
-    Views are separated by pixels without a ray and by jumps: steps between neighbouring directions
-    ``(h, w, 3)`` far larger than the median.
+    Pixels without a ray part views, and steps between directions far larger than the median.
     """
     from scipy.ndimage import label
 

@@ -23,17 +23,9 @@ def load_ray_table(
     optics: Optics | None = None,
     status: str = "calibrated",
 ) -> RayTable:
-    """Return the camera of an ``.npz`` with ``origins`` and ``directions``.
+    """Return the camera of an ``.npz`` with ``origins`` and ``directions``, inside ``folder``.
 
-    ``file`` is relative to ``folder``, which it may not leave. See `rigs.RayTable`, also for the
-    optional arrays ``image_size, scale, offset``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        In one line: the camera, the file, the array, what was found, what was expected.
+    See `rigs.RayTable`, also for the optional arrays ``image_size, scale, offset``.
     """
     where = f"camera {name}: ray_table"
     path = path_inside(file, Path(folder), where)

@@ -116,10 +116,9 @@ class RayTable(OnImage, NearestPinhole):
 
     @classmethod
     def of(cls, camera: CameraLike) -> RayTable:
-        """Return the table of a camera's rays, one per pixel.
+        """Return the table of a camera's rays, one per pixel; see `rigs.scene.SceneCamera.rays`.
 
-        Through a scene they are the pieces of the paths that `rigs.scene.SceneCamera.rays` gives;
-        the fraction of light that glass takes, and further pieces behind mirrors, are not kept.
+        The fraction of light that glass takes, and pieces behind mirrors, are not kept.
         """
         width, height = camera.image_size
         origins, directions = camera.rays()

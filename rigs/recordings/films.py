@@ -23,18 +23,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class FilmFormat:
-    """A format of films.
+    """A format of films: its module and class in `rigs.recordings.film_formats`.
 
-    Attributes
-    ----------
-    module, reader : str
-        The module in `rigs.recordings.film_formats`, and its class.
-    suffixes : tuple of str
-        Usual ends of its files' names; empty where a folder or the user says which it is.
-    holds_more : bool
-        Whether files with these suffixes may hold other things than films.
-    has_members : bool
-        Whether a path may go on inside the file, like ``film.h5:/entry/data``.
+    ``suffixes`` are empty where a folder or the user says which it is. ``holds_more``: such files
+    may hold other things than films; ``has_members``: paths go on inside, ``film.h5:/entry/data``.
     """
 
     module: str

@@ -18,23 +18,14 @@ _Part = tuple[str, str]
 
 
 def patterns_of(paths: Iterable[PurePosixPath], cameras: Sequence[str]) -> dict[str, Named]:
-    """Return the patterns that paths are named by, and what is where by each.
+    """Return the patterns that paths are named by, and camera to frame to path by each.
 
-    Returns
-    -------
-    dict of str to dict
-        Pattern, as `find_images` takes it, to camera to frame to path, in natural order. Two
-        patterns never give the same paths to the same cameras and frames.
-
-    Notes
-    -----
     A camera's name stands between signs that are no letters or digits. It is a folder, whose
     files are then called by their frames, or in a file's name, whose last number is the frame.
     Numbers that differ beside it, such as the time of day, are ``*``. A folder with a number that
-    differs between files called by their cameras is the frame.
+    differs between files called by their cameras is the frame. Two patterns never give the same
+    paths to the same cameras and frames.
 
-    Examples
-    --------
     >>> paths = [PurePosixPath(f"run/left/{n}.tif") for n in ("01", "02")]
     >>> {pattern: list(found["left"]) for pattern, found in patterns_of(paths, ["left"]).items()}
     {'run/{camera}/{frame}.tif': ['01', '02']}

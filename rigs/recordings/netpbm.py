@@ -29,8 +29,6 @@ def netpbm_size(content: bytes) -> tuple[int, int]:
 def read_netpbm(content: bytes) -> Still:
     """Return the image of a PGM or PPM; its full scale is the file's own.
 
-    Notes
-    -----
     Numbers above 255 are two bytes, the high one first: https://netpbm.sourceforge.net/doc.
     """
     kind, width, height, full, start = _header(content)

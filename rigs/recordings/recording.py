@@ -77,25 +77,10 @@ class Recording(Protocol):
     channels: tuple[str, ...]
 
     def read(self, index: int) -> NDArray:
-        """Return a frame ``(height, width)``, counted from 0.
-
-        Raises
-        ------
-        IndexError
-            If there is no such frame.
-        FrameError
-            If it cannot be decoded; the message names file and frame.
-        """
+        """Return a frame ``(height, width)``, from 0; a FrameError names file and frame."""
 
     def read_channel(self, index: int, channel: str | None) -> NDArray:
-        """Return one channel of a frame, the frame itself for None; see `read`.
-
-        Parameters
-        ----------
-        index : int
-        channel : str or None
-            The number of one of `channels`, from 0, or r, g or b of frames in colour.
-        """
+        """Return one channel of a frame, by its number or r, g, b; the frame itself for None."""
 
 
 def check_index(path: Path, index: int, n_frames: int) -> None:
@@ -174,16 +159,10 @@ _SLACK = 0.5  # of the time between frames: closer, each frame has its nearest n
 
 @dataclass(frozen=True)
 class OffBeat:
-    """A film whose times disagree with those of the others.
+    """A film whose images are late by ``frames`` of its own, the middle of all differences.
 
-    Attributes
-    ----------
-    camera : str
-    frames : int
-        Frames of its film by which its images are late, by the middle of all differences.
-    where : int or None
-        The first of the frames compared that is off by another number: frames were lost, or the
-        clocks run at different speeds. None where all are off alike.
+    ``where`` is the first frame compared that is off by another number (frames were lost, or
+    clocks run at different speeds); None where all are off alike.
     """
 
     camera: str
@@ -196,21 +175,10 @@ def off_beat(
 ) -> list[OffBeat]:
     """Return the films whose frames were not recorded when the others' were.
 
-    Parameters
-    ----------
-    times : mapping
-        Camera to the times of the frames that are to be of the same moments, seconds; the same
-        number of them for all. Fewer than two films are not compared.
-    periods : mapping
-        Camera to the seconds from one frame of its film to the next.
+    ``times`` are each camera's of as many frames, seconds, ``periods`` those from frame to frame.
+    A film is compared with the median of all films' times, frame by frame; of two films the first
+    is taken to be right. A difference of less than half the film's period is none.
 
-    Notes
-    -----
-    A film is compared with the median of all films' times, frame by frame; with two films the
-    first is taken to be right. A difference of less than half the film's period is none.
-
-    Examples
-    --------
     >>> import numpy as np
     >>> beat = np.arange(5) / 100
     >>> times = {"a": beat, "b": beat, "c": beat + 0.02}

@@ -35,11 +35,6 @@ class Still:
         """Return the image of ``pixels`` of which ``bits`` are recorded; all of them when None.
 
         Truth values become black and white, 0 and 255, as other formats have them.
-
-        Raises
-        ------
-        ValueError
-            If the pixels are no numbers of a kind that cameras record.
         """
         if pixels.dtype == np.bool_:
             pixels, bits = pixels * np.uint8(255), 8
@@ -62,17 +57,8 @@ class Still:
     def grey(self, channel: str | None = None) -> NDArray:
         """Return the image ``(rows, columns)``: a channel, or the grey that all channels show.
 
-        Parameters
-        ----------
-        channel : {"r", "g", "b"}, or "0", "1" ..., optional
-            The colour to take of an image in colour, or the number of one of any channels; a
-            grey image is returned as it is.
-
-        Raises
-        ------
-        ValueError
-            If an image in colour has unequal channels and none is chosen, if there is no such
-            channel, or if pixels are transparent: their values are not known.
+        ``channel`` is r, g, b, or the number of one of any channels. Unequal colours without it,
+        and transparent pixels, whose values are not known, are refused.
         """
         if self.is_grey:
             return self.pixels

@@ -174,13 +174,7 @@ def image_notes(images: Mapping[str, Iterable[str | os.PathLike]]) -> list[str]:
 
 
 def grouped_notes(said: Iterable[tuple[str, Iterable[str]]]) -> list[str]:
-    """Return one line for each different text, with the cameras that it is about.
-
-    Parameters
-    ----------
-    said : iterable of (str, iterable of str)
-        A camera and what is to say of one of its files.
-    """
+    """Return one line for each different text, with the cameras whose files it is about."""
     found: dict[str, Counter[str]] = {}
     files: Counter[str] = Counter()
     for camera, texts in said:

@@ -44,8 +44,7 @@ takes long."""
 def tiff_page(source: bytes | str | os.PathLike | BinaryIO) -> Iterator[tifffile.TiffPage]:
     """Yield the page of a TIFF file that is the image; only headers have been read.
 
-    Thumbnails and masks are other pages. They are known by their tag, and thumbnails without one
-    by their sides, at most half as long as the image's.
+    Other pages, thumbnails and masks, have a tag, or sides at most half as long as the image's.
     """
     with opened_tiff(source) as file:
         yield image_page(file)

@@ -24,18 +24,11 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Planes:
-    """Where the planes of a recording are in its file.
+    """Where the planes of a recording are in its file: the page of each, ``(frames, channels)``.
 
-    Attributes
-    ----------
-    pages : (frames, channels) int
-        The page of each plane.
-    channels : tuple of str
-        The channels' names, or their numbers where the file has no names.
-    is_one_block : bool
-        Whether only the first page has a header, and the other planes' values follow its own.
-    note : str
-        A line on what had to be guessed.
+    ``channels`` are names, or numbers where the file has none; ``note`` a line on what was
+    guessed. ``is_one_block``: the first page alone has a header, and the other planes follow its
+    values.
     """
 
     pages: NDArray[np.intp]
@@ -91,11 +84,7 @@ def check_chain(file: tifffile.TiffFile) -> None:
 
 
 def planes_of(file: tifffile.TiffFile) -> Planes:
-    """Return the planes of a file.
-
-    Descriptions by OME-XML, ImageJ and tifffile are heeded; other files have one channel, and a
-    page a frame.
-    """
+    """Return a file's planes by OME-XML, ImageJ or tifffile's description, else a page a frame."""
     count, lost = there = _pages_there(file)
     block = _one_block(file, there)
     if block is not None:

@@ -51,14 +51,7 @@ mm for m is 1000, and a nozzle at a twentieth of the distance is a right one."""
 def scene_of(entry: SceneEntry, folder: Path, length_unit: str) -> Scene:
     """Return the scene of a checked entry, whose meshes are inside ``folder``.
 
-    Meshes that name no unit are in ``length_unit``.
-
-    Raises
-    ------
-    FileNotFoundError
-        If a mesh's file is missing.
-    ValueError
-        In one line: the solid, the field, what was found and what was expected.
+    Meshes that name no unit are in ``length_unit``. Errors name solid and field.
     """
     try:
         solids = tuple(_solid(solid, folder, length_unit) for solid in entry.solids)
@@ -78,13 +71,7 @@ def scene_data(
 ) -> dict[str, Any]:
     """Return the plain data of a scene, in the order of the file.
 
-    ``mesh_name`` gives the name of the file that holds a mesh, ``gas_name`` that of the gas's
-    ``index`` or ``extinction``.
-
-    Raises
-    ------
-    ValueError
-        If a solid is of a type that the file does not know.
+    ``mesh_name`` names a mesh's file, ``gas_name`` that of the gas's ``index`` or ``extinction``.
     """
     solids = []
     for solid in scene.solids:
@@ -189,15 +176,7 @@ SUFFIXES = ("stl", "obj", "ply", "glb")
 
 
 def read_mesh(path: str | os.PathLike) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Return the vertices ``(V, 3)`` and the triangles ``(T, 3)`` of a file.
-
-    The parts of a file are put together, each at its place in it.
-
-    Raises
-    ------
-    ValueError
-        If the format is unknown, the file is damaged, or it may hold too many triangles.
-    """
+    """Return the vertices ``(V, 3)`` and triangles ``(T, 3)`` of all parts in a file."""
     path = Path(path)
     suffix = path.suffix.lower().lstrip(".")
     if suffix not in SUFFIXES:
@@ -237,10 +216,9 @@ def write_mesh(mesh: Mesh, path: str | os.PathLike) -> None:
 
 
 def check_scene(scene: Scene, rig: Rig) -> None:
-    """Raise if a scene cannot stand in front of a rig's cameras.
+    """Raise where glass reaches into the volume, or sizes differ as by a wrong unit.
 
-    That is where glass reaches into the volume, or the sizes differ as by a wrong unit. A camera
-    in a solid is found by `rigs.scene.SceneCamera`.
+    A camera in a solid is found by `rigs.scene.SceneCamera`.
     """
     if not scene.solids:
         return

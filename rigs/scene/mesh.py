@@ -208,15 +208,12 @@ class Mesh:
         leaves: NDArray[np.bool_],
         within: NDArray[np.float64],
     ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-        """Return the rays that meet a triangle, how far away, and the unit normal there.
+        """Return the rays that meet a triangle ``(M,)``, how far away, and the unit normal there.
 
-        ``(M,)`` int64, ``(M,)`` and ``(M, 3)`` float64. ``leaves`` ``(N,)`` says whether a ray
-        comes from this mesh, ``within`` ``(N,)`` how far ahead something is in the way already.
-
-        Notes
-        -----
-        Origins are moved in float64 to the mesh's box, for Open3D computes in float32; the
-        distance to the triangle that it finds is then computed in float64.
+        ``leaves`` ``(N,)`` says whether a ray comes from this mesh, ``within`` ``(N,)`` how far
+        ahead something is in the way already. Origins are moved in float64 to the mesh's box, for
+        Open3D computes in float32; the distance to the triangle that it finds is then computed in
+        float64.
         """
         import open3d as o3d
 

@@ -58,13 +58,7 @@ class Paths:
         return f"<Paths: {len(self)} rays, {len(self.lengths)} pieces>"
 
     def nearest_pieces(self, points: NDArray[np.float64]) -> NDArray[np.int64]:
-        """Return for each ray the number of its piece that passes a point most closely.
-
-        Parameters
-        ----------
-        points : (rays, 3) or (3,) float64
-            One for each ray, or one for all; of pieces equally near the first is returned.
-        """
+        """Return the number of each ray's first piece that passes its point most closely."""
         counts = np.diff(self.ray_ptr)
         if not counts.all():
             raise ValueError("paths: found rays without pieces, expected whole paths")
@@ -88,19 +82,10 @@ def trace_paths(
     region: NDArray[np.float64] = EVERYWHERE,
     gas: IndexField | None = None,
 ) -> Paths:
-    """Return the paths of rays, all rays from face to face at once.
+    """Return the paths of rays ``(N, 3)`` in a ``medium`` of that index, all at once.
 
-    Parameters
-    ----------
-    faces : (F,) `rigs.scene.surfaces.FACE`
-    meshes : list of (int, Mesh)
-        With the number of the row that stands for each.
-    medium : float
-        Index of the medium in which rays begin.
-    origins, directions : (N, 3) float64
-        Unit directions, finite.
-    fresnel, region, gas
-        See `rigs.scene.Scene`; no solid reaches into the gas's box, whose pieces are all kept.
+    ``faces`` are rows of `rigs.scene.surfaces.FACE`; each mesh comes with its row's number. See
+    `rigs.scene.Scene` for the others; the gas's box holds no solid, and its pieces are all kept.
     """
     bounds = [mesh.box for _, mesh in meshes] + (
         [] if gas is None else [np.stack([gas.lower, gas.upper])]
@@ -179,9 +164,8 @@ def through_gas(
 ) -> Pieces:
     """Take rays that come to gas before the next face through it; return the pieces.
 
-    ``active`` ``(K,)`` are rays whose next face is known; they go on from where they leave the
-    gas. ``pieces`` ``(rows, N)`` take the piece up to the gas, and those in it, and get longer
-    if they have to; ``room`` rows have to stay free behind the last.
+    ``active`` ``(K,)`` are rays whose next face is known. ``pieces`` ``(rows, N)`` take those to
+    the gas and in it, and grow if they have to; ``room`` rows stay free behind the last.
     """
     ahead = gas.ahead(rays.origin[active], rays.direction[active])
     come = ahead < rays.length[active]

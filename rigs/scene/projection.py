@@ -23,14 +23,10 @@ def pixels_that_pass(
 ) -> NDArray[np.float64]:
     """Return the pixels ``(N, 2)`` whose paths pass through points; NaN where none does.
 
-    ``camera`` is without the scene.
-
-    Notes
-    -----
-    Newton's method solves for the pixel at which the path's piece nearest to the point misses
-    it by nothing. It starts from the camera's own projection, which windows move by few pixels,
-    then from the nearest points on paths all over the image, which mirrors need. Of several
-    images of a point one on the image goes before those beyond its border.
+    Newton's method solves for the pixel at which the path's piece nearest to the point misses it
+    by nothing. It starts from the projection of the ``camera`` without the scene, which windows
+    move by few pixels, then from the nearest points on paths all over the image, which mirrors
+    need. Of several images of a point one on the image goes before those beyond its border.
     """
     found = np.full((len(points), 2), np.nan)
     finite = np.flatnonzero(np.isfinite(points).all(axis=1))
@@ -118,10 +114,9 @@ def _newton(
 def _missed(
     camera: CameraLike, scene: Scene, points: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Return by which vectors the paths of pixels and two neighbours miss points.
+    """Return by which vectors ``(N, 3, 3)`` the paths of pixels and two neighbours miss points.
 
-    ``(N, 3, 3)``, NaN where the lens has no ray; and whether the pixel's piece itself passes
-    there, not its extension alone, ``(N,)``.
+    NaN where the lens has no ray; and whether the pixel's piece itself, not its extension, passes.
     """
     stencil = uv[:, None] + np.array([[0, 0], [_APART, 0], [0, _APART]])  # (N, 3, 2)
     origins, directions = camera.rays(stencil.reshape(-1, 2))

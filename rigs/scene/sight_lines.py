@@ -38,26 +38,14 @@ def endless(faces: NDArray) -> NDArray:
 def sight_lines(
     center, points, faces, routes, windows, depths, directions, by_center, by_point, by_window
 ) -> None:
-    """Write the directions in which points are seen from ``center``, and their derivatives.
+    """Write the unit ``directions`` in which points are seen from ``center``, and derivatives.
 
-    Parameters
-    ----------
-    points : (N, 3) float64
-    faces : (F,) FACE
-        From `endless`.
-    routes : (N, R) int64
-        Numbers of the faces between the start and each point, in their order, then -1.
-    windows : (F,) int64
-        Number of the window whose pose is a variable and that has the face; -1 for none.
-    depths : (F,) float64
-        How far behind its window's first face a face is.
-    directions : (N, 3) float64
-        Unit vectors; NaN where no path along the route passes the point.
-    by_center, by_point : (N, 3, 3) float64
-    by_window : (N, 3, 4 W) float64
-        By tilts of the normal towards `FACE`'s ``across`` and towards ``normal x across``
-        (radians), by a shift along the normal, and by the thickness. With no rows in
-        ``by_point`` no derivative is written.
+    ``faces`` are `endless` ones; ``routes`` (N, R) are those between start and point, in order,
+    then -1. ``windows`` (F,) number the variable window of each face, -1 for none; ``depths`` (F,)
+    are behind that window's first face. Directions are NaN where no path along the route passes.
+    ``by_center, by_point`` (N, 3, 3), ``by_window`` (N, 3, 4 W): by tilts of the normal towards
+    `FACE`'s ``across`` and towards ``normal x across`` (radians), a shift along the normal, and
+    the thickness. With no rows in ``by_point`` no derivative is written.
     """
     count = START + CENTER + by_window.shape[2]
     at, way, last = np.zeros(3), np.zeros(3), np.zeros(3)
@@ -197,12 +185,10 @@ def _from_middle(at, face, away) -> None:
 
 @compiled
 def _meet(at, way, shift, turn, face, normal, length, bend, window, depth) -> None:
-    """Carry derivatives to a face: those of the position on it, and of its normal there.
+    """Carry derivatives to a face: those of the position q on it, and of its normal n there.
 
-    Notes
-    -----
-    The path has come to q on the face, n its normal there. The length to it changes so that q
-    stays on the face: ``n . (dq - dp) + dn . (q - p) = 0`` for a plane through p that moves.
+    The length changes so that q stays on the face: ``n . (dq - dp) + dn . (q - p) = 0`` for a
+    plane through p that moves.
     """
     toward = _dot(way, normal)
     own = START + CENTER + WINDOW * window
@@ -238,8 +224,6 @@ def _meet(at, way, shift, turn, face, normal, length, bend, window, depth) -> No
 def _turn(way, turn, face, normal, bend) -> bool:
     """Refract or reflect a path with its derivatives; return False for total reflection.
 
-    Notes
-    -----
     With u = d . n, e the ratio of indices and r = sqrt(1 - e² (1 - u²)), Snell's law is
     ``d' = e d + m n`` with ``m = sign(u) r - e u``, so that ``dm = (e² |u| / r - e) du``. A mirror
     is e = 1, m = -2 u.

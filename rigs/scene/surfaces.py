@@ -144,8 +144,8 @@ def face(
 ) -> NDArray:
     """Return a row of the table, ``(1,)`` of `FACE`, whose fields the others are.
 
-    ``axis`` is a unit vector; ``front, behind`` are index and extinction on each side, by default
-    those of the glass behind it.
+    ``axis`` is a unit vector; ``front, behind`` are a side's index and extinction, by default
+    glass's.
     """
     row = np.zeros(1, FACE)
     row["kind"], row["point"], row["axis"] = kind, point, axis

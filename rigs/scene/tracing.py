@@ -50,10 +50,9 @@ _ALONG = 1e-14
 
 
 def numbers_of(table: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return a table of faces as two plain ones.
+    """Return a table of faces as two plain ones: ``(F, 3)`` int64 and ``(F, 21)`` float64.
 
-    ``(F, 3)`` int64 are kind, action and solid, ``(F, 21)`` float64 the others, in the order of
-    `POINT` and its neighbours.
+    Those are kind, action and solid, these the others in the order of `POINT` and its neighbours.
     """
     assert FACE.names is not None  # a structured type
     whole, real = FACE.names[:3], FACE.names[3:]
@@ -70,8 +69,8 @@ def follow(
     ``active`` (K,) are the rays to follow, ``pieces`` (rows, N) takes theirs one behind the
     other, ``boxes`` (B, 2, 3) are those round meshes and gas, ``region`` (2, 3) that whose pieces
     are wanted; at ``most`` faces a ray is left. ``waiting`` (K,) takes rays whose piece may meet
-    a mesh or gas: their ``length``, ``face`` and, of a triangle, ``normal`` are to be brought up
-    to date, and ``asked`` set, before they go on.
+    a mesh or gas: before they go on, ``length``, ``face`` and a triangle's ``normal`` are to be
+    brought up to date, and ``asked`` set.
     """
     count = 0
     for n in active:
@@ -179,8 +178,7 @@ def _nearest(origin, direction, last, kinds, faces):
 def _to_round(away, direction, kind, faces, f, leaves):
     """Return the distance to a cylinder or a sphere, infinity where the ray does not meet it.
 
-    ``away`` is the ray's origin from the face's point. A ray that leaves the face meets it at the
-    other side alone.
+    ``away`` is from the face's point; a ray that ``leaves`` the face meets its other side alone.
     """
     along = slope = 0.0
     across, ahead = away, direction
@@ -271,8 +269,6 @@ def _unit(vector):
 def _refracted(direction, normal, toward, before, after):
     """Return the direction behind glass and the fraction that passes, -1 for total reflection.
 
-    Notes
-    -----
     Snell's law in vector form, n the normal against the ray, c the cosine of incidence and e the
     ratio of indices: ``d' = e d + (e c - sqrt(1 - e² (1 - c²))) n`` (Glassner, "An Introduction
     to Ray Tracing", 1989, chapter 5). The fraction that passes is Fresnel's for unpolarised light.

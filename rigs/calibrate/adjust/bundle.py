@@ -62,10 +62,9 @@ def adjust(
 ) -> Solution:
     """Return the scene of least squared residuals, by Levenberg and Marquardt's method.
 
-    Every observed frame needs a pose that puts its points before their cameras; observations are
-    in order of camera, then frame. Beyond the residual length ``huber`` ``(N,)`` the loss is
-    linear (Huber). Iterations stop where the cost falls relatively by less than ``tolerance``, as
-    predicted or as reached.
+    Every observed frame needs a pose that puts its points before their cameras. The loss is linear
+    beyond the residual length ``huber`` ``(N,)`` (Huber). Iterations stop where the cost falls
+    relatively by less than ``tolerance``, as predicted or as reached.
     """
     residuals, cost = _residuals(scene, observations, huber)
     if not np.isfinite(cost):
@@ -100,11 +99,10 @@ def adjust(
 def information(
     scene: Scene, observations: ObservationArrays, freedom: Freedom
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the information on all cameras' free parameters at unit pixel noise.
+    """Return the normal equations ``(P, P)`` and gradient ``(P,)`` of cameras' free parameters.
 
-    The matrix ``(P, P)`` is that of the normal equations with the target poses eliminated: its
-    inverse times the noise's variance is the covariance. The gradient ``(P,)`` is that of half the
-    sum of squares, with the target poses at their optimum.
+    At unit pixel noise, target poses eliminated at their optimum; the gradient is of half the
+    squares.
     """
     normal = normal_equations(scene, observations, freedom, None)
     return reduced(normal, 0.0)[:2]

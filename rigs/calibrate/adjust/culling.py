@@ -38,10 +38,8 @@ def adjust_and_cull(
 ) -> Culled:
     """Return the least-squares adjustment of all observations but gross outliers.
 
-    First comes an adjustment with Huber's loss. Observations and images far beyond their camera's
-    noise are then left out and the rest is adjusted by plain least squares. Outliers are decided
-    anew after each adjustment, until none changes. Without ``cull`` every observation is kept
-    that lies before its camera.
+    After an adjustment with Huber's loss, outliers are decided anew until none changes. Without
+    ``cull`` every observation is kept that lies before its camera.
     """
     ahead = np.asarray(np.isfinite(predicted(scene, observations)).all(axis=1))
     used = supported(observations, ahead)
@@ -124,8 +122,7 @@ def adjust_robustly(
 ) -> Solution:
     """Return the scene of least Huber loss, whose scale follows each camera's own noise.
 
-    From a poor start all residuals are large and so is the scale: the first iterations are nearly
-    plain least squares.
+    From a poor start that scale is large: the first iterations are nearly plain least squares.
     """
     residuals = observations.uv - predicted(scene, observations)
     cameras = len(scene.lenses)

@@ -110,8 +110,8 @@ class Film:
     ) -> tuple[NDArray[np.int64], ObservationArrays]:
         """Return the observations under the frames whose moments they show, and their rows.
 
-        Each camera is late by ``delay`` ``(cameras,)`` pictures, in whole steps of the film. Rows
-        that show no frame's moment are left out; the others are in order of camera, then frame.
+        Each camera is late by ``delay`` ``(cameras,)`` pictures; rows of no frame's moment are
+        left out.
         """
         frame = observations.frame.copy()
         for camera in np.flatnonzero(delay):
@@ -126,11 +126,10 @@ class Film:
     ) -> ObservationArrays:
         """Return the observations of points that moved until their camera took the picture.
 
-        With the way R(s), t(s) of the target's pose at the moment s, the point x of a frame taken
-        at f has moved by ``R(f).T (R(s) x + t(s) - R(f) x - t(f))``, with ``s = f + offset`` in
-        pictures. The way is a cubic spline of least squares, so that the noise of single poses
-        does not move points: a moment read from it would be too near a frame's. Velocities are a
-        picture's; points are NaN where the target's way is not known.
+        With the target's way R(s), t(s) the point x of a frame taken at f has moved by ``R(f).T
+        (R(s) x + t(s) - R(f) x - t(f))``, with ``s = f + offset`` in pictures. The way is a spline
+        of least squares: the noise of single poses would draw moments towards frames. Velocities
+        are a picture's; points are NaN where the way is not known.
         """
         poses = np.concatenate([scene.target_R, scene.target_t[:, :, None]], axis=2)  # (F, 3, 4)
         late = offset[observations.camera]
@@ -166,12 +165,10 @@ class Film:
 def _way(
     times: NDArray[np.float64], poses: NDArray[np.float64], spacing: float
 ) -> tuple[Callable[..., NDArray[np.float64]], NDArray[np.float64], float]:
-    """Return the cubic spline through a run's poses ``(n, 3, 4)`` with as few knots as they need.
+    """Return the cubic spline through a run's poses ``(n, 3, 4)``, their moments, its longest gap.
 
-    The distance of knots is chosen by generalised cross-validation (Craven and Wahba 1979); where
-    the closest is best the spline goes through every pose. Poses that jump are left out: the
-    second value are the moments of the others; the third is the longest time between two that it
-    crosses.
+    Its knots are as far apart as generalised cross-validation likes best (Craven and Wahba 1979);
+    where that is the closest distance it goes through every pose. Poses that jump are left out.
     """
     from scipy.interpolate import CubicSpline
 

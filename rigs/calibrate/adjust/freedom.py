@@ -16,11 +16,9 @@ class Freedom:
     """Which unknowns are free, and which are shared; the target poses always are free.
 
     A camera's numbers are its rotation (3), translation (3), fx, fy, cx, cy, the coefficients of
-    its distortion, the moment of its images, and last those of the windows in the scene, which
-    all cameras have in common.
+    its distortion, the moment of its images, and last those of the scene's windows, which all
+    share.
 
-    Examples
-    --------
     >>> import numpy as np
     >>> Freedom((np.arange(4) < 2,) * 2, np.array([False, True]), square=True, common=(0, 0)).size
     7
@@ -73,8 +71,7 @@ class Freedom:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Return the parameters that move a camera ``(k,)``, and derivatives by them ``(..., k)``.
 
-        ``by_camera`` ``(..., m)`` are derivatives by the camera's numbers; those beyond m are
-        zero.
+        ``by_camera`` ``(..., m)`` are those by the camera's numbers, zero beyond m.
         """
         place = self.places[camera]
         free = np.flatnonzero(place >= 0)

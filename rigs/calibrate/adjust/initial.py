@@ -41,13 +41,7 @@ def lens_alone(
 ) -> tuple[Lens, Terms]:
     """Return one camera's lens from its own observations, which are those of camera 0.
 
-    The focal length starts as the one of a ladder of values that leaves the least residuals in
-    some frames. Lens and poses are then adjusted together, robustly.
-
-    Raises
-    ------
-    ValueError
-        If fewer than 3 frames show enough of the target.
+    The focal length starts as the one of a ladder of values that leaves the least residuals.
     """
     good = np.zeros(frames, bool)
     for frame in np.unique(observations.frame):
@@ -113,10 +107,10 @@ def fixes_pose(points: NDArray[np.float64]) -> bool:
 def flat_poses(
     points: NDArray[np.float64], pinhole: NDArray[np.float64]
 ) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Return up to two poses of a flat target, the better first.
+    """Return up to two poses of a flat target ``(n, 3)``, z = 0, the better first.
 
-    ``points`` ``(n, 3)`` have z = 0; ``pinhole`` ``(n, 2)`` are ``x / z, y / z``, NaN where
-    unknown. Collins and Bartoli, "Infinitesimal plane-based pose estimation" (2014), as in OpenCV.
+    ``pinhole`` ``(n, 2)`` are ``x / z, y / z``, NaN where unknown. Collins and Bartoli,
+    "Infinitesimal plane-based pose estimation" (2014), as in OpenCV.
     """
     import cv2
 
@@ -145,10 +139,10 @@ def flat_poses(
 def camera_poses(
     lens: Lens, observations: ObservationArrays, frames: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """Return both target poses in one camera's axes, refined to least residuals.
+    """Return both target poses in one camera's axes, refined, and their RMS residuals in pixels.
 
-    They are R ``(frames, 2, 3, 3)`` and t ``(frames, 2, 3)``, the better first, NaN where there is
-    none; and the RMS length of the residuals in pixels ``(frames, 2)``, then infinite.
+    R ``(frames, 2, 3, 3)`` and t ``(frames, 2, 3)``, the better first, are NaN, RMS
+    ``(frames, 2)`` infinite, where there is none.
     """
     R, t = np.full((2 * frames, 3, 3), np.nan), np.full((2 * frames, 3), np.nan)
     pinhole = lens.pinhole(observations.uv)

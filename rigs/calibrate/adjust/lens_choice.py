@@ -199,12 +199,11 @@ def richer_terms(
     terms: list[Terms],
     rules: LensRules,
 ) -> tuple[Scene, Freedom, list[Terms]] | None:
-    """Return the scene with more terms free where the joint adjustment supports them, else None.
+    """Return the scene with more terms, up to brown5, where the joint adjustment supports them.
 
-    One camera's images cannot always separate its lens from the target's pose. Candidates are the
-    terms up to brown5. The one is taken whose fall of the sum of squares exceeds twice the noise's
-    variance a term by most (Akaike's criterion); the fall is predicted from the joint normal
-    equations (Rao's score test), without outliers.
+    One camera's images cannot always separate its lens from the target's pose. The term is taken
+    whose predicted fall of squares (Rao's score test, without outliers) most exceeds twice the
+    noise's variance (Akaike's criterion); None where none does.
     """
     may_grow = [one.name in _LADDER[:-1] for one in terms]
     if not any(may_grow):

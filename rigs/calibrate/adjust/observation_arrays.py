@@ -24,9 +24,9 @@ from rigs.calibrate.refraction.routes import routes_to
 class ObservationArrays:
     """Observations in order of camera, then frame; lengths in any unit.
 
-    Points are in the target's axes. Where images of one frame were taken at different moments,
-    they move with a velocity in the axes of the frame's target pose. Routes are the scene's faces
-    that each one is seen through (`rigs.calibrate.refraction.routes_to`).
+    Points are in the target's axes, and move with a velocity in those of the frame's pose where
+    images of one frame are of different moments. Routes: see
+    `rigs.calibrate.refraction.routes_to`.
     """
 
     camera: NDArray[np.int64]  # (N,)
@@ -120,10 +120,8 @@ def jacobian(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return pixels ``(n, 2)`` of a camera's ``rows``, and derivatives by camera and target.
 
-    Those by the camera ``(n, 2, 10 + coefficients)`` are with respect to its rotation,
-    translation, fx, fy, cx, cy, coefficients; then, where the observations have velocities or
-    routes, to the moment of its images; last to the windows' numbers. Those by the target's
-    rotation and translation are ``(n, 2, 6)``.
+    Those by the camera ``(n, 2, 10 + coefficients)`` follow `Freedom`'s order, to the moment and
+    the windows where observations have velocities or routes; by the target's pose ``(n, 2, 6)``.
     """
     in_camera, turned, on_target = _in_camera(scene, observations, camera, rows)
     routes = None if observations.routes is None else observations.routes[rows]
@@ -161,8 +159,6 @@ def _derivatives(
 ) -> tuple[NDArray[np.float64], ...]:
     """Return pixels and their derivatives by the point in the world, the camera, the windows.
 
-    Notes
-    -----
     A pixel does not change with the apparent point's distance s, so that s is constant: with the
     direction d (C, X) from the centre ``C = -R^T t``, the apparent point is ``s R d``, and
     ``dC = R^T (w x t) - R^T dt``.

@@ -39,17 +39,12 @@ def rig_poses(
 ) -> tuple[Scene, int, NDArray[np.float64]]:
     """Return the poses of cameras and targets, which camera holds the axes, and offsets in time.
 
-    The axes are those of the camera with most shared views. Each pair of cameras that saw the
-    target in one frame gets its relative pose from the shared frame that explains the others best;
-    both answers of the flat target are tried. Poses follow the maximum spanning tree of the pairs,
-    weighted by the points that agree. In a film a camera that does not agree is tried some
-    pictures earlier and later; the offsets ``(cameras,)``, whole pictures, say how much later its
-    images were taken.
-
-    Raises
-    ------
-    ValueError
-        Naming the cameras, if no chain of shared frames joins all, or one is not synchronised.
+    The axes are those of the camera with most shared views. Each pair of cameras gets its relative
+    pose from the shared frame that explains the others best, by both answers of the flat target.
+    Poses follow the maximum spanning tree of the pairs, weighted by the points that agree. In a
+    film a camera that does not agree is tried some pictures earlier and later; the offsets
+    ``(cameras,)`` say how many pictures later its images were taken. A ValueError names cameras
+    that no chain of shared frames joins, or one that is not synchronised.
     """
     count = len(views)
     images = _images(views, observations)
@@ -159,8 +154,8 @@ def _relative_pose(
 ) -> tuple[NDArray, NDArray, float, float] | None:
     """Return R, t from the axes of camera a to those of b, the points that agree, and a residual.
 
-    The residual, in pixels, is the median over the frames that both see. Where ``partner`` gives
-    for each frame of camera a the frame of b, -1 without, these are compared.
+    The residual is the median in pixels over shared frames; ``partner`` gives b's frame for each
+    of a's, -1 without.
     """
     partner = np.arange(len(one.rms)) if partner is None else partner
     both = (partner >= 0) & np.isfinite(one.rms[:, 0]) & np.isfinite(other.rms[partner, 0])

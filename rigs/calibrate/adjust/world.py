@@ -19,16 +19,9 @@ def in_world(
     world: str | Mapping[str, ArrayLike] | None,
     rescale: bool,
 ) -> tuple[Scene, str, float, tuple[str, ...]]:
-    """Return the scene in a world of the user's choice, its world in words, growth and warnings.
+    """Return the scene in the user's world, that in words, the growth of lengths, and warnings.
 
     ``world`` and ``rescale`` are those of `rigs.calibrate.calibrate`, checked by `check_options`.
-    The third value is the factor by which lengths grew; a warning says that given positions are
-    poorly met.
-
-    Raises
-    ------
-    ValueError
-        If a frame has no pose, or positions do not fix the world.
     """
     if isinstance(world, Mapping):
         return _aligned(scene, cameras, frames, world, rescale)

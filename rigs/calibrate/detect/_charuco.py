@@ -27,11 +27,10 @@ class _Markers(NamedTuple):
 
 
 def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True) -> Found:
-    """Return the board's inner corners in an image.
+    """Return the board's inner corners in an image or its negative.
 
-    The negative is tried too; with ``both_layouts`` also both layouts of boards with an even
-    number of rows. Where the markers in view fit both, the target's own is taken, and ``legacy``
-    of the result is None.
+    ``both_layouts`` tries those of boards with an even number of rows. ``legacy`` is None, and the
+    target's own is taken, where the markers in view fit both.
     """
     reason = ""
     layouts = [target.first_white]

@@ -43,10 +43,9 @@ def find_chessboard(search: Search, target: Chessboard) -> Found:
 
 
 def counted_chessboard(search: Search) -> tuple[tuple[int, int], bool] | None:
-    """Return the columns and rows of inner corners of the chessboard in the image, if any.
+    """Return a chessboard's columns and rows of inner corners, and whether neighbours of them fit.
 
-    The count of a board seen aslant may be off by one, so its neighbours are looked for as whole
-    boards; the second value says whether one was found.
+    A count aslant may be off by one: the neighbours are looked for as whole boards.
     """
     flags = cv2.CALIB_CB_LARGER | cv2.CALIB_CB_NORMALIZE_IMAGE
     found, _, squares = cv2.findChessboardCornersSBWithMeta(search.small, (3, 3), flags)

@@ -22,12 +22,12 @@ def refine_corners(
     gap: float | None = None,
     white: NDArray[np.int64] | None = None,
 ) -> tuple[Saddles, NDArray[np.bool_]]:
-    """Measure corners whose rough position ``start`` ``(corners, 2)`` in pixels is known.
+    """Measure corners whose rough position ``start`` is known, in pixels; False where none is.
 
-    Positions ``(corners, 2)`` are on the board, in squares. With markers, ``gap`` is the plain
-    strip between a marker and its square, in squares, and ``white`` ``(corners,)`` is 1 where the
-    quadrants with markers are those with x y > 0, -1 where x y < 0. The second value is False
-    where there is no such corner: the fit did not converge, moved away, or leaves large residuals.
+    ``positions`` are on the board, in squares. With markers, ``gap`` is the plain strip between a
+    marker and its square, in squares, and ``white`` is 1 where the quadrants with markers are
+    those with x y > 0, -1 where x y < 0. No corner is where the fit does not converge, moves away,
+    or leaves large residuals.
     """
     axes = local_axes(positions, start)
     start = _near_corners(image, start, axes, gap)

@@ -142,13 +142,7 @@ def cache_key(target: str, camera: str, frame: str, source: Source) -> str:
 
 
 def read_cache(path: Path) -> dict[str, Entry]:
-    """Return the entries of the cache at ``path``, none if there is no such file.
-
-    Raises
-    ------
-    ValueError
-        If the file is of another kind; it is not overwritten.
-    """
+    """Return the entries of a cache, if there is one; a file of another kind is refused."""
     if not path.exists():
         return {}
     kind = f"{path}: found another kind of file, expected a cache of detections or none"

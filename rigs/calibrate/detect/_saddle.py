@@ -51,10 +51,9 @@ def fit_saddles(
 
     Columns of ``axes`` ``(corners, 2, 2)`` are one square's step along the target's x and y, in
     pixels. Pixels within ``reach`` ``(corners,)`` are fitted, at most 0.45 squares along the axes.
-    A quadrant with a marker is plain up to ``gap`` ``(corners,)`` squares from the edges;
-    ``white`` is 1 where these quadrants are those with x y > 0, -1 where x y < 0, 0 for none. The
-    edges' curvatures ``bend`` ``(corners, 2)``, 1 / pixel, are positive towards an edge's left (x,
-    y turned to -y, x).
+    A quadrant with a marker is plain up to ``gap`` squares from the edges; ``white`` says which: 1
+    where x y > 0, -1 where x y < 0, 0 for none. The edges' curvatures ``bend`` ``(corners, 2)``,
+    1 / pixel, are positive towards an edge's left (x, y turned to -y, x).
     """
     count = len(start)
     if white is None:

@@ -79,10 +79,9 @@ class Search:
 
 
 def local_axes(positions: NDArray[np.float64], uv: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each point's derivative of pixels by positions on the target, ``(points, 2, 2)``.
+    """Return each point's derivative of pixels by steps along the target's x and y.
 
-    Columns are one step from point to point along the target's x and along its y, in pixels, from
-    an affine map fitted to each point's neighbours.
+    ``(points, 2, 2)``, of an affine map fitted to the point's neighbours.
     """
     apart = positions[None] - positions[:, None]  # (points, others, 2)
     # Far points have little weight, but determine a direction without a neighbour
@@ -104,11 +103,10 @@ def is_flat_patch(positions: NDArray[np.float64]) -> bool:
 def smooth_map(
     positions: NDArray[np.float64], uv: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Fit a homography and, given enough points, a polynomial for the lens.
+    """Fit a homography and, given enough points, a polynomial for the lens; return ``uv`` by it.
 
-    The first value is the fitted ``uv`` ``(points, 2)``. Rows of the second ``(points, 2, 2)`` are
-    the second derivatives of the polynomial along the target's x and y, in pixels by step², the
-    curvature of straight edges; zero without a polynomial.
+    The second value ``(points, 2, 2)`` are its second derivatives along the target's x and y,
+    pixels by step²: the curvature of straight edges; zero without a polynomial.
     """
     homography = cv2.findHomography(positions, uv, 0)[0]
     if homography is None:
@@ -141,13 +139,11 @@ def smooth_map(
 
 
 def orders(uv: NDArray[np.float64], positions: NDArray[np.float64], columns: int) -> Iterator:
-    """Yield the possible orders ``(points,)`` of an image's points as the target's points.
+    """Yield the orders ``(points,)`` in which an image's points may be the target's, row by row.
 
-    The target is seen from its front, so its axes have the image's handedness, and a homography
-    maps its points to the image. The points ``uv`` ``(points, 2)`` are row by row as the search
-    gives them: any corner first, along columns or rows; ``uv[order]`` are the images of
-    ``positions`` ``(points, 2)``, row by row. The order whose first point is nearest to the
-    image's upper left comes first.
+    The search begins at any corner and goes along columns or rows; seen from its front a target
+    has the image's handedness, and a homography maps it. ``uv[order]`` are the images of
+    ``positions``; the order whose first point is nearest to the image's upper left comes first.
     """
     grid = np.arange(len(uv)).reshape(-1, columns)
     turned = [np.rot90(side, turn) for side in (grid, grid[:, ::-1]) for turn in range(4)]

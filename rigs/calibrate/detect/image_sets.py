@@ -161,14 +161,8 @@ def image_set(
 def check_not_split(folder: Path, are_lenses_given: bool = False) -> None:
     """Raise where a folder holds, or is one of, two folders of images for lenses and for poses.
 
-    Images of a lens alone show the target at other times than those of another camera, so that
-    equal names mean no moment: calibrated as one set, they fail after minutes. Where lenses, or
-    images of them, are given too, a folder of poses alone is right.
-
-    Raises
-    ------
-    ValueError
-        In one line that gives both folders and the option for each.
+    Images of a lens alone are of other times than another camera's: as one set they fail after
+    minutes. With lenses, or images of them, a folder of poses alone is right.
     """
     if not folder.is_dir():
         return
@@ -221,11 +215,9 @@ def notes_of(images: Mapping[str, Mapping[str, Source]]) -> list[str]:
 
 
 def read_source(source: Source) -> NDArray:
-    """Return the grey image ``(rows, columns)`` of a source, in the numbers stored.
+    """Return the grey image ``(rows, columns)`` of a source, in the numbers stored, not turned.
 
-    Colour becomes grey by its luminance; an array's channels are blue, green and red, as OpenCV
-    has them. How a file is meant to be turned for viewing is ignored: calibration is about the
-    sensor. The file is named where it cannot be read, is truncated, or is no image.
+    Colour becomes its luminance; an array's channels are blue, green and red, as OpenCV has them.
     """
     if isinstance(source, VideoFrame):
         return next(iter(read_pictures(source.path, [source.index])))[1]

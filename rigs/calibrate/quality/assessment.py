@@ -38,9 +38,8 @@ def findings(
     """Return warnings about the rig, the gravest first, and notes on what was left out.
 
     ``offsets`` are each camera's offset in time in words, where a film shows it: it is then no
-    cause. ``held`` is the lens that the adjustment held, in words. Where the rays meet within a
-    tenth of ``voxel``, an edge length, only errors that displace them by more are reported, and
-    points left out are a note; where it is None a voxel is as large as a pixel.
+    cause. ``held`` is the lens that was held, in words. Where the rays meet within a tenth of
+    ``voxel`` (of a pixel where None) only errors that displace them by more are reported.
     """
     least = _least_displacement(quality, voxel)
     causes = _causes(offsets, len(observations.cameras))

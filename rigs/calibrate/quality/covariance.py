@@ -24,10 +24,7 @@ def covariance_of(
 ) -> tuple[float, NDArray[np.float64]]:
     """Return the pixel noise and the covariance of the cameras' free parameters ``(P, P)``.
 
-    Raises
-    ------
-    ValueError
-        Naming the camera and the least determined parameter, if the matrix is singular.
+    A ValueError names the camera and the least determined parameter where the matrix is singular.
     """
     matrix, _ = information(scene, observations, freedom)
     residuals = observations.uv - predicted(scene, observations)
@@ -109,10 +106,9 @@ def lens_misfit(
 ) -> NDArray[np.float64]:
     """Return by how many standard deviations what is held of lenses does not fit, ``(cameras,)``.
 
-    The figure is ``sqrt(fall / n) / noise``, where ``fall`` is the predicted fall of the sum of
-    squares if the camera had n more free numbers (Rao's score test): those of a given lens, a
-    second focal length, the centre, or a lens of its own. It is about 1 when the lens is right, 0
-    where nothing is held.
+    ``sqrt(fall / n) / noise``, with the predicted ``fall`` of the sum of squares if n more numbers
+    of a camera were free (Rao's score test): a given lens's, a second focal length, the centre, a
+    lens of its own. It is about 1 when the lens is right, 0 where nothing is held.
     """
     misfit = np.zeros(len(scene.lenses))
     lenses = tuple(own | (np.arange(len(own)) < 4) if own.any() else ~own for own in freedom.lens)

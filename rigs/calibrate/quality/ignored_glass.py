@@ -31,10 +31,9 @@ _KNOWN = 1e-9  # relative eigenvalue below which unknowns are not determined: a 
 class IgnoredGlass:
     """A pane in front of one camera that its residuals show.
 
-    Panes of index 1.5 between the two thicknesses, in the unit of the unknowns, and the two angles
-    of their normals to the camera's axis, in degrees, explain them about equally. They are
-    confirmed by ``deviations`` standard deviations on the frames that they were not found on. A
-    pane ``moves`` points by so many pixels RMS where lens and poses do not follow.
+    Panes of index 1.5 between both thicknesses (in the unknowns' unit) and both angles of the
+    normal to the axis (degrees) fit about equally, confirmed by ``deviations`` standard deviations
+    on other frames. It ``moves`` points by pixels RMS where lens and poses do not follow.
     """
 
     camera: int
@@ -67,10 +66,6 @@ def ignored_glass(
 ) -> tuple[IgnoredGlass, ...]:
     """Return panes of glass that explain residuals, on frames that they were not found on.
 
-    The scene is adjusted, without one to look through; observations have no outliers.
-
-    Notes
-    -----
     A plate of thickness T and index n moves the apparent point along its normal by ``T (1 - cos a
     / sqrt(n² - sin² a))``, a the angle of the light to the normal. Poses and lens absorb most of
     it; what is left depends on T linearly. For each direction of a grid the score by T is computed

@@ -108,13 +108,8 @@ def measure(
 ) -> tuple[Quality, float, NDArray[np.float64]]:
     """Return the figures of an adjusted scene, the pixel noise and the covariance.
 
-    The rig has the cameras of the scene. Observations are in order of camera, then frame. Ray-miss
-    is evaluated in the volume, by default where the target was.
-
-    Raises
-    ------
-    ValueError
-        Naming camera and parameter, if the observations do not determine the cameras.
+    The rig has the scene's cameras; ray-miss is taken in the volume, by default where the target
+    was.
     """
     noise, covariance = covariance_of(rig, scene, observations.where(used), freedom)
     image_rms, alone_rms, contradiction, excess = image_figures(scene, observations, used, freedom)
@@ -215,9 +210,9 @@ def image_figures(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], float]:
     """Return each image's RMS, that alone, and its contradiction, all ``(cameras, frames)``.
 
-    Outliers in an image that is used otherwise do not count. The fourth value is the ratio of the
-    variance between images to that within them, at least 1: errors common to the points of one
-    image do not average out over its points, as in an analysis of variance by groups.
+    Outliers in an image that is used do not count. The fourth value is the ratio of the variance
+    between images to that within them, at least 1, as in an analysis of variance by groups: errors
+    common to the points of one image do not average out over them.
     """
     shape = len(scene.lenses), len(scene.target_t)
     kept = np.zeros(shape, bool)

@@ -35,13 +35,13 @@ def predicted_squares(
     points: NDArray[np.float64],
     seen: NDArray[np.bool_],
 ) -> NDArray[np.float64]:
-    """Return the expected squared distances of rays, from the covariance of all cameras.
+    """Return expected squared distances of rays from their common point, ``(cameras, points)``.
 
     A small change p of the parameters shifts the ray through a fixed pixel, where it passes point
     X, by ``e = -pinv(du/dX) du/dp p`` across the ray. The common point is the least-squares one of
     all shifted rays, so the distances are linear in p and their expected squares follow from the
     joint covariance ``(P, P)``. A common motion of the whole rig cancels. Two or more cameras see
-    each of ``points`` ``(points, 3)``; the squares ``(cameras, points)`` are 0 where not seen.
+    each of ``points`` ``(points, 3)``; the squares are 0 where not seen.
     """
     root = root_of(covariance)
     squares = np.zeros(seen.shape)
@@ -128,16 +128,13 @@ def camera_accuracies(
 ) -> tuple[Accuracy | None, ...]:
     """Return what the covariance ``(P, P)`` of all cameras says of each; None where motions mix.
 
-    ``points`` ``(points, 3)`` are spread over the volume; ``seen`` is ``(cameras, points)``.
-
-    Notes
-    -----
     A change p of the parameters moves the pixels of points by ``du/dp p``. To this the motion of
     the volume is fitted that looks most like it: a shift to the right and down, a turn about each
     axis, a growth. Its six numbers are linear in p. Which camera is held is a choice of the
     adjustment. The rigid motion of the world that leaves least of all cameras' numbers, in pixels,
     is therefore taken out (an S-transformation: Baarda, Netherlands Geodetic Commission,
-    Publications on Geodesy 5 (1973)).
+    Publications on Geodesy 5 (1973)). ``points`` ``(points, 3)`` are spread over the volume;
+    ``seen`` is ``(cameras, points)``.
     """
     some = slice(None, None, len(points) // _POINTS + 1)
     points, seen = points[some], seen[:, some]

@@ -67,13 +67,7 @@ class WindowPrior:
 
     @classmethod
     def parsed(cls, text: str) -> Self:
-        """Return the prior of a text ``NAME:normal=2,distance=1,thickness=0.1``.
-
-        Raises
-        ------
-        ValueError
-            Naming the text.
-        """
+        """Return the prior of a text ``NAME:normal=2,distance=1,thickness=0.1``."""
         name, _, values = text.rpartition(":")
         known = [field.name for field in fields(cls)[1:]]
         found = {}
@@ -193,10 +187,9 @@ class Refraction:
         return replace(self, scene=replace(self.scene, solids=tuple(solids.values())))
 
     def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
-        """Return the windows that are adjusted after ``x_new = R x_old + t``; others stay.
+        """Return the windows after ``x_new = R x_old + t`` of the cameras.
 
-        A window that is given has its place in the world. One that is adjusted has been seen by
-        the cameras, whose motion it follows.
+        A window that is given has its place in the world; only those that are adjusted follow.
         """
         adjusted = {prior.name for prior in self.priors}
         solids = tuple(

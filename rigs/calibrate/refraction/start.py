@@ -26,8 +26,8 @@ def start_before_media(
     Light in the other medium is straight. An adjustment that ignores the medium's border thus
     finds the targets in it right, and cameras that are m times as far from the border, with m
     times the focal length, where m is the ratio of the indices: the virtual cameras of paraxial
-    optics. ``held`` is the camera whose axes are the world's: the border was given relative to its
-    true place.
+    optics. ``held`` is the camera whose axes are the world's, to whose true place the border was
+    given.
     """
     points = world_points(scene, arrays)
     if held is not None:
@@ -101,8 +101,7 @@ def likely_route(
 ) -> NDArray[np.int64]:
     """Return the faces between a camera and a target of which both are known roughly.
 
-    Where nothing is in between, these are the faces of the window that is passed most closely,
-    relative to its size.
+    Where nothing is between: those of the window passed most closely, relative to its size.
     """
     route = routes_to(refraction, center, point[None])[0][0]
     route, nearest = route[route >= 0], _FARTHEST

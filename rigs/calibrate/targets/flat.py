@@ -25,7 +25,7 @@ class Drawn:
         raise NotImplementedError
 
     def drawing(self, pixels_per_unit: float) -> tuple[NDArray[np.uint8], NDArray[np.float64]]:
-        """Return the target as an image for print, with a white margin around it.
+        """Return the target as an image ``(rows, columns)`` uint8 for print, with a white margin.
 
         Parameters
         ----------
@@ -36,15 +36,10 @@ class Drawn:
         Returns
         -------
         image : (rows, columns) uint8
-            0 is black, 255 white.
+            0 is black, 255 white; 400 megapixels at most.
         origin : (2,) float64
             The outer corner of the image's first pixel in the target's x and y: the centre of
             pixel (row, column) lies at ``origin + (column + 0.5, row + 0.5) / pixels_per_unit``.
-
-        Raises
-        ------
-        ValueError
-            If ``pixels_per_unit`` is not positive, or the image would exceed 400 megapixels.
         """
         low, high = self.extent
         count = np.asarray(high - low) * pixels_per_unit

@@ -55,12 +55,8 @@ class Cine(Reopened):
     """The frames of a Phantom .cine file, monochrome, of 8, 10, 12 or 16 bits; see `Recording`.
 
     Times are from the trigger on. Frames packed in 10 bits are made linear, in 12 bits, by the
-    table of the format.
-
-    Notes
-    -----
-    The layout is that of "Cine File Format" by Vision Research. Rows of frames that are not
-    packed are stored from the bottom up, as in a Windows bitmap.
+    table of the format, which is that of "Cine File Format" by Vision Research. Rows of frames
+    that are not packed are stored from the bottom up, as in a Windows bitmap.
     """
 
     def __init__(self, path: str | os.PathLike) -> None:

@@ -29,8 +29,8 @@ _MOST_LISTED = 1000  # objects of a file that are looked at for films
 class Hdf5Film(ArrayFilm):
     """A data set ``(frames, height, width)``; see `Recording`.
 
-    Times are the data set that NeXus calls the first of the group's ``axes``, where it has a unit
-    of time.
+    Times are the data set that NeXus names first in the group's ``axes``, if it has a unit of
+    time.
     """
 
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:
@@ -156,10 +156,8 @@ def _is_film(one: h5py.Dataset) -> bool:
 def check_heaps(path: str | os.PathLike) -> None:
     """Raise where a collection of texts at either end of a file cannot be walked through.
 
-    Notes
-    -----
-    The layout is that of "HDF5 File Format Specification", III.E. Objects are filled up to eight
-    bytes; object 0 is the free space, its size includes its head.
+    "HDF5 File Format Specification", III.E. Objects are filled up to eight bytes; object 0 is the
+    free space, its size includes its head.
     """
     with open(path, "rb") as file:
         held = file.seek(0, os.SEEK_END)

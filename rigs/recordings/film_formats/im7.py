@@ -34,15 +34,10 @@ class Im7(Reopened):
     """The frames of DaVis' .im7 files; see `Recording`.
 
     A file holds the frames of one moment, of all cameras: frames are numbered through the first
-    file, then the second. With four frames a file, ``first: 1`` and ``step: 4`` are those of the
-    second camera of single exposures. A folder's files are in the order of the numbers in their
-    names.
-
-    Notes
-    -----
-    The layout is that of LaVision's ``ReadIM7.h``: a header of 256 bytes, then the rows of all
-    frames as they are, compressed by zlib, packed in 12 bits, or as differences of one nibble or
-    byte from pixel to pixel.
+    file, then the second, in the order of the numbers in their names. With four frames a file,
+    ``first: 1`` and ``step: 4`` are those of the second camera of single exposures. The layout is
+    that of LaVision's ``ReadIM7.h``: a header of 256 bytes, then the rows of all frames as they
+    are, compressed by zlib, packed in 12 bits, or as differences of one nibble or byte.
     """
 
     frame_rate: float | None = None

@@ -37,8 +37,6 @@ _FIELDS = {
 class Mraw(Reopened):
     """The frames of a Photron film, monochrome, of 8, 10, 12 or 16 bits; see `Recording`.
 
-    Notes
-    -----
     Pixels of 16 bits are stored with the low byte first. Those of 12 bits at the high side of 16
     are returned as the 12 bits that were recorded. Frame ``i`` was recorded as number
     ``Start Frame + i Save Step`` after the trigger: its time is that over the record rate.

@@ -39,10 +39,9 @@ _GREY = {8: "gray", 9: "gray9le", 10: "gray10le", 12: "gray12le", 14: "gray14le"
 class Video(Reopened):
     """The pictures of a video as grey levels of 8 to 16 bits; see `Recording`.
 
-    A picture is decoded from the last one before it that depends on no other, in files that say of
-    every picture when it is shown: MP4, QuickTime, Matroska, WebM, and any file of pictures that
-    all stand for themselves. Other files, such as AVI with pictures that depend on later ones, are
-    decoded from their beginning, and have no times.
+    Decoding begins at the last picture before that depends on no other, in files that say of every
+    picture when it is shown: MP4, QuickTime, Matroska, WebM, and any whose pictures all stand for
+    themselves. Others, such as AVI, are decoded from their beginning, and have no times.
     """
 
     def __init__(self, path: str | os.PathLike) -> None:

@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 class ZarrFilm(ArrayFilm):
     """An array ``(frames, height, width)``; see `Recording`.
 
-    Times are the array of the group that is named as the first dimension, where it has a unit of
-    time, as xarray writes it.
+    Times are the group's array named as the first dimension, if it has a unit of time, as in
+    xarray.
     """
 
     def __init__(self, path: str | os.PathLike, member: str | None = None) -> None:

@@ -62,13 +62,7 @@ class VoxelBox:
         return hash((self.values.shape, float(self.values.sum())))
 
     def transformed(self, R: NDArray[np.float64], t: NDArray[np.float64]) -> Self:
-        """Return the volume after the rigid motion ``x_new = R @ x_old + t`` of the world.
-
-        Raises
-        ------
-        ValueError
-            If its faces leave the directions of the axes.
-        """
+        """Return the volume after ``x_new = R @ x_old + t``; its faces must stay along axes."""
         turn = np.rint(R)
         if np.abs(turn - R).max() > 1e-9:
             raise ValueError(
@@ -124,12 +118,8 @@ class ExtinctionVolume(VoxelBox):
     def means(
         self, lower: ArrayLike, spacing: ArrayLike, shape: tuple[int, int, int]
     ) -> NDArray[np.float64]:
-        """Return the mean extinction in each voxel of another box, ``shape``.
+        """Return the mean extinction in each voxel of another box that begins at ``lower``.
 
-        ``lower`` ``(3,)`` is that box's lower corner, ``spacing`` ``(3,)`` its voxels' edges.
-
-        Notes
-        -----
         Exact: voxels count by the volume that they share, which is a product over the axes.
         """
         means = self.values

@@ -41,18 +41,11 @@ def follow(
 ]:
     """Return the pieces ``(P, 7)`` of rays, their counts ``(rays,)``, exits and what was trapped.
 
-    Parameters
-    ----------
-    coefficients : (nx + 4, ny + 4, nz + 4) float64
-        Of the spline of ``n² - medium²``, from number -2 on.
-    halvings : (nx + 1, ny + 1, nz + 1) int8
-        How often each cell is halved for steps, from the one before voxel 0's centre on;
-        negative where several are taken together.
-    medium, lower, spacing
-        The box's index around it, its outer corner and the edges of a voxel, ``(3,)``.
-    tolerance : float
-        How far a path may be from a piece.
-    origins, directions : (rays, 3) float64
+    ``coefficients`` ``(nx + 4, ny + 4, nz + 4)`` are of the spline of ``n² - medium²``, from
+    number -2 on. ``halvings`` ``(nx + 1, ny + 1, nz + 1)`` say how often each cell is halved for
+    steps, from the one before voxel 0's centre on; negative where several are taken together.
+    ``lower`` is the box's outer corner, ``spacing`` a voxel's edges; a path is within
+    ``tolerance`` of its pieces.
     """
     exits = origins.copy(), directions.copy()
     counts, trapped = np.zeros(len(origins), np.int64), np.zeros(len(origins), np.bool_)

@@ -52,13 +52,7 @@ class Crossing:
 def pairs_of_vectors(
     origins: ArrayLike, directions: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return origins and unit directions of rays, ``(rays, 3)`` each.
-
-    Raises
-    ------
-    ValueError
-        If the shapes differ, or a number is not finite or a direction is zero.
-    """
+    """Return origins and unit directions of rays, ``(rays, 3)`` each, finite and none zero."""
     origins, directions = (
         np.ascontiguousarray(np.atleast_2d(np.asarray(one, np.float64)))
         for one in (origins, directions)
@@ -144,26 +138,14 @@ class IndexField(ABC):
     def cross(
         self, origins: ArrayLike, directions: ArrayLike, tolerance: float | None = None
     ) -> Crossing:
-        """Return the ways of rays through the box.
+        """Return the ways of rays ``(rays, 3)`` through the box.
 
-        Parameters
-        ----------
-        origins, directions : (rays, 3)
-            A ray that starts outside goes straight to the box; one that leaves the box where it
-            starts, or misses it, has no piece.
-        tolerance : float, optional
-            How far the path may be from a piece; a thousandth of the box's shortest side.
-
-        Notes
-        -----
-        ``x'' = n grad n`` with ``dt = ds / n`` by DOP853, an adaptive Runge-Kutta method of order
-        8 with an embedded error estimate (Hairer, Norsett and Wanner, Solving Ordinary
-        Differential Equations I), one ray after another: milliseconds a ray.
-
-        Raises
-        ------
-        ValueError
-            If a ray is not finite.
+        A ray that starts outside goes straight to the box; one that leaves it where it starts, or
+        misses it, has no piece. Paths are within ``tolerance`` of their pieces, by default a
+        thousandth of the box's shortest side. ``x'' = n grad n`` with ``dt = ds / n`` by DOP853,
+        an adaptive Runge-Kutta method of order 8 with an embedded error estimate (Hairer, Norsett
+        and Wanner, Solving Ordinary Differential Equations I), one ray after another: milliseconds
+        a ray.
         """
         origins, directions = pairs_of_vectors(origins, directions)
         tolerance = (self.upper - self.lower).min() / 1000 if tolerance is None else tolerance

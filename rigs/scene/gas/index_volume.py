@@ -184,8 +184,7 @@ class IndexVolume(VoxelBox, IndexField):
 def _fourth_differences(coefficients: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the largest sum of fourth differences near each coefficient of a spline.
 
-    The fourth derivatives of the spline's neighbours: where they vanish, so do a step's error and
-    the jumps between cells.
+    The neighbours' fourth derivatives: where they vanish, so do a step's error and jumps of cells.
     """
     from scipy.ndimage import correlate1d, maximum_filter
 

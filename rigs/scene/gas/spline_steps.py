@@ -97,9 +97,9 @@ def _cell(q, w, cells) -> int:
 def _time_to_leave(q, speed, half, count, parts):
     """Return when ``q + speed t + half t²`` first is at an end of its cell, and at which.
 
-    ``half`` is half of the acceleration, not zero as ``speed`` is; ``count`` the voxels along the
-    axis, ``parts`` those of a cell. A ray on a plane is in the part that it moves into. It
-    reaches the plane ahead, unless it turns before that: then it comes back to the plane behind.
+    ``count`` are the voxels along the axis, ``parts`` those of a cell. A ray on a plane is in the
+    part that it moves into. It reaches the plane ahead, unless it turns before: then the plane
+    behind.
     """
     forward = speed > 0 or (speed == 0 and half > 0)
     if forward:
@@ -132,14 +132,10 @@ def step(coefficients, halvings, medium, spacing, q, w, room) -> float:
     """Move a ray to the next face of a cell, or of its parts; return the time that it takes.
 
     ``q, w`` (3,) are position and velocity in voxel units, overwritten; ``room`` (5, 3), (6, 4)
-    holds the accelerations of both stages, a guess that is overwritten, and working memory. For
-    the others see `rigs.scene.gas.follow`.
-
-    Notes
-    -----
-    A step's own error changes ``|x'|``, which has to be ``n``. The step therefore begins with the
-    velocity times ``1 + m`` and ends with it over ``1 - m``, with the ``m`` that makes it ``n``
-    at the end: a projection that is the same from both ends (Hairer, BIT 40, 2000).
+    holds the accelerations of both stages, a guess that is overwritten, and working memory. A
+    step's own error changes ``|x'|``, which has to be ``n``. The step therefore begins with the
+    velocity times ``1 + m`` and ends with it over ``1 - m``, with the ``m`` that makes it ``n`` at
+    the end: a projection that is the same from both ends (Hairer, BIT 40, 2000).
     """
     forces, (end, slope, at), scratch = room[0][:2], room[0][2:], room[1]
     x, y, z = halvings.shape
