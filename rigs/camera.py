@@ -290,17 +290,13 @@ def look_at(
     upward = numbers(up, (3,), "up")
     distance = np.linalg.norm(forward)
     if not distance > 0:
-        raise ValueError(
-            f"look_at: found the camera's position {position.tolist()}, expected another point"
-        )
+        raise ValueError(f"look_at: found the position {position.tolist()}, expected another")
     forward = forward / distance
     length = np.linalg.norm(upward)
     down = -upward / (length if length > 0 else 1.0)
     down = down - (down @ forward) * forward
     if not np.linalg.norm(down) > 1e-6:
-        raise ValueError(
-            f"up: found {upward.tolist()}, expected a direction across the line of sight"
-        )
+        raise ValueError(f"up: found {upward.tolist()}, expected a direction across the view")
     down = down / np.linalg.norm(down)
     R = np.stack([np.cross(down, forward), down, forward])
     return R, -R @ position

@@ -62,9 +62,7 @@ class ImageChange:
             camera = camera.rotated(self.degrees)
         if self.scale != 1:
             if not self.scale > 0:
-                raise ValueError(
-                    f"camera {camera.name}: scale: found {self.scale}, expected a positive number"
-                )
+                raise ValueError(f"camera {camera.name}: scale: found {self.scale}, expected > 0")
             camera = camera.scaled(1 / self.scale)
         return camera
 
@@ -74,11 +72,6 @@ def with_images_changed(rig: Rig, changes: Mapping[str, ImageChange]) -> Rig:
 
     The calibration's figures in pixels stay those of the images that were calibrated; its entry
     ``changed_since`` says what was done.
-
-    Raises
-    ------
-    ValueError
-        If the rig has no camera of a name, or a window is not inside an image.
     """
     for name in changes:
         rig[name]  # raises where there is none
@@ -90,13 +83,7 @@ def with_images_changed(rig: Rig, changes: Mapping[str, ImageChange]) -> Rig:
 
 
 def with_cameras(rig: Rig, names: Mapping[str, str]) -> Rig:
-    """Return the rig of the cameras named, in the rig's order, under new names by their old ones.
-
-    Raises
-    ------
-    ValueError
-        If the rig has no camera of a name, or two cameras would have one.
-    """
+    """Return the rig of the cameras named, in its order, under new names by their old ones."""
     for name in names:
         rig[name]  # raises where there is none
     kept = tuple(c.renamed(names[c.name]) for c in rig if c.name in names)

@@ -17,8 +17,6 @@ from rigs.figures import Optics
 from rigs.lens import Distortion
 from rigs.rig import Rig, Volume
 
-UP = (0.0, 1.0, 0.0)
-
 
 def ring(
     count: int,
@@ -74,7 +72,7 @@ def ring(
     focal = _focal_lengths(positions - center, focal_length, pixel_pitch, footprint)  # (C,)
     cameras = []
     for index, position in enumerate(positions):
-        R, t = look_at(position, center, UP)
+        R, t = look_at(position, center)
         K = pinhole_matrix(image_size, focal[index], focal[index])
         cameras.append(Camera(f"cam{index:02d}", image_size, K, R=R, t=t))
     world = "x and z level, y up, origin as given to the layout; camera 0 on the +z side"
@@ -109,10 +107,8 @@ def _circle_positions(
     if not (np.abs(pitch) < np.pi / 2 - 1e-6).all():
         raise ValueError("ring pitch_degrees: expected angles between -90 and 90")
     angle = np.deg2rad(start_degrees + step_degrees * np.arange(count))
-    level = np.stack([np.sin(angle), np.zeros(count), np.cos(angle)], axis=-1)
-    return distances[:, None] * (
-        np.cos(pitch)[:, None] * level + np.sin(pitch)[:, None] * np.array(UP)
-    )
+    x, z = np.cos(pitch) * (np.sin(angle), np.cos(angle))
+    return distances[:, None] * (np.stack([x, np.sin(pitch), z], axis=-1) + 0.0)  # no -0
 
 
 def _focal_lengths(

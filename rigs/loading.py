@@ -28,16 +28,12 @@ def load(
     source : str or path-like
         One of `rigs.preset_names`, or a path: a rig.yaml, a scan's folder, or what
         `rigs.formats.names` lists.
-    format : str, optional
-        One of these; by default it is recognised by the content.
-    length_unit, image_size
+    format, length_unit, image_size
         See `rigs.formats.load`.
 
     Raises
     ------
-    FileNotFoundError
-        If there is neither; the line names the presets.
-    ValueError
+    FileNotFoundError, ValueError
         In one line: the file, the camera, the field, what was found, what was expected.
 
     Examples

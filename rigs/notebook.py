@@ -46,13 +46,6 @@ def facts(rows: Iterable[tuple[str, object]]) -> str:
     return f'<table style="border-collapse:collapse;margin:4px 0">{"".join(lines)}</table>'
 
 
-def some(names: Sequence[str], most: int = 6) -> str:
-    """Return a list of names, cut where it is long."""
-    if len(names) > most:
-        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
-    return ", ".join(names)
-
-
 def times(values: Iterable[float]) -> str:
     """Return counts or lengths as ``3 × 4 × 5``."""
     return " × ".join(f"{value:.6g}" for value in values)

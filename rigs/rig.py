@@ -50,9 +50,7 @@ class Volume:
         """Normalise to plain tuples, so that volumes compare, hash and print as values."""
         shape = numbers(self.shape, (3,), "volume.shape")
         if (shape < 1).any() or (shape != np.floor(shape)).any():
-            raise ValueError(
-                f"volume.shape: found {self.shape!r}, expected three whole numbers >= 1"
-            )
+            raise ValueError(f"volume.shape: found {self.shape!r}, expected 3 whole numbers >= 1")
         size = (3,) if np.ndim(self.spacing) else ()
         spacing = np.broadcast_to(numbers(self.spacing, size, "volume.spacing"), 3)
         if not (spacing > 0).all():
@@ -121,9 +119,7 @@ class Rig(Sequence[CameraLike]):
             if not all(hasattr(type(camera), name) for name in ("project", "rays")):
                 raise ValueError(f"rig cameras[{index}]: found {camera!r}, expected a Camera")
             if camera.name in names:
-                raise ValueError(
-                    f"camera {camera.name}: name: found twice, expected once in a rig"
-                )
+                raise ValueError(f"camera {camera.name}: name: found twice, expected once")
             names.add(camera.name)
         if not isinstance(self.length_unit, str) or not self.length_unit.strip():
             raise ValueError(f"length_unit: found {self.length_unit!r}, expected a unit, like mm")
@@ -198,9 +194,7 @@ class Rig(Sequence[CameraLike]):
     def with_fresnel(self, fresnel: bool) -> Rig:
         """Return the rig whose scene's glass takes the light that it reflects, or does not."""
         if self.scene is None:
-            raise ValueError(
-                f"fresnel: found {fresnel} without a scene, expected one with windows in rig.yaml"
-            )
+            raise ValueError(f"fresnel: found {fresnel} without a scene, expected one in rig.yaml")
         return self.through(replace(self.scene, fresnel=fresnel))
 
     def without(self, *names: str) -> Rig:
@@ -247,7 +241,8 @@ class Rig(Sequence[CameraLike]):
 
     def _repr_html_(self) -> str:
         """Return what a notebook shows: the cameras around the volume, and a table."""
-        from rigs.notebook import drawing, facts, framed, some, times
+        from rigs.files.text import some
+        from rigs.notebook import drawing, facts, framed, times
 
         volume, unit = self.volume, self.length_unit
         corners = None if volume is None else volume.corners()

@@ -10,11 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rigs.calibrate.adjust.lens_choice import LensRules
-from rigs.calibrate.adjust.observation_arrays import (
-    ObservationArrays,
-    Scene,
-    predicted,
-)
+from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.calibrate.adjust.world import in_world
 from rigs.calibrate.joint_adjustment import adjust_together
 from rigs.calibrate.observations import Observations, without_repeats
@@ -33,6 +29,7 @@ from rigs.calibrate.refraction.refraction import WindowPrior
 from rigs.calibrate.result import Calibration, summary
 from rigs.calibrate.through_scene import Through, adjust_through, looked_through
 from rigs.camera import Camera
+from rigs.files.text import some
 from rigs.rig import Rig, Volume
 from rigs.scene.entry import check_scene
 from rigs.scene.scene import Scene as OpticalScene
@@ -238,9 +235,8 @@ def _unposed(scene: Scene, arrays: ObservationArrays, frames: tuple[str, ...]) -
     names = [frames[frame] for frame in shown if np.isnan(scene.target_t[frame, 0])]
     if not names:
         return ()
-    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
     return (
-        f"frames {', '.join(names[:5])}{more}: no camera saw 6 points of the target that are not "
+        f"frames {some(names)}: no camera saw 6 points of the target that are not "
         "on a line, not used",
     )
 

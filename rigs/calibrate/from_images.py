@@ -17,12 +17,12 @@ from rigs.calibrate.detect.image_sets import check_not_split, image_set, notes_o
 from rigs.calibrate.options import check_lens_options, check_options, common_lenses
 from rigs.calibrate.result import Calibration
 from rigs.calibrate.targets.boards import Target, parse_target
+from rigs.files.text import some
 from rigs.progress import Progress, progress_of, staged
 from rigs.recordings import Mosaic
 from rigs.rig import Rig
 
 _EARLY = ("world", "rescale", "length_unit", "distortion", "scene")  # checked before the search
-_NAMED = 6  # frames without the target that a note names
 
 
 def calibrate_rig(
@@ -155,10 +155,9 @@ def _notes(found: ImageSet, seen: Detections) -> list[str]:
     for camera, frames in found.items():
         without = [frame for frame in frames if (camera, frame) in seen.reasons]
         if without:
-            named = ", ".join(without[:_NAMED]) + (", ..." if len(without) > _NAMED else "")
             notes.append(
                 f"camera {camera}: target not found in {len(without)} of {len(frames)} images: "
-                f"{named}"
+                f"{some(without)}"
             )
     return notes + notes_of(found)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -46,9 +46,7 @@ class Observations:
         """Check the fields and make the arrays read-only."""
         points = np.array(self.target_points, np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
-            raise ValueError(
-                f"target_points: found shape {points.shape}, expected finite (points, 3)"
-            )
+            raise ValueError(f"target_points: found shape {points.shape}, expected finite (n, 3)")
         uv = np.array(self.uv, np.float64).reshape(-1, 2)
         if not np.isfinite(uv).all():
             raise ValueError("uv: found a number that is not finite, expected pixel coordinates")
@@ -62,9 +60,7 @@ class Observations:
         for name, limit in limits.items():
             indices = np.array(getattr(self, name), np.int64).reshape(-1)
             if len(indices) != len(uv):
-                raise ValueError(
-                    f"{name}: found {len(indices)} rows, expected {len(uv)}, as in uv"
-                )
+                raise ValueError(f"{name}: found {len(indices)} rows, expected {len(uv)} as in uv")
             if len(indices) and not (indices.min() >= 0 and indices.max() < limit):
                 raise ValueError(f"{name}: found an index outside 0 to {limit - 1}")
             arrays[name] = indices
@@ -98,16 +94,8 @@ class Observations:
 
     def where(self, keep: NDArray[np.bool_]) -> Observations:
         """Return the observations where ``keep`` ``(N,)`` holds; cameras and frames stay."""
-        return Observations(
-            self.target_points,
-            self.cameras,
-            self.image_sizes,
-            self.frames,
-            self.camera[keep],
-            self.frame[keep],
-            self.point[keep],
-            self.uv[keep],
-        )
+        rows = {name: getattr(self, name)[keep] for name in ("camera", "frame", "point", "uv")}
+        return replace(self, **rows)
 
     def counts(self) -> NDArray[np.int64]:
         """Return how many points each camera saw in each frame, ``(cameras, frames)``."""

@@ -24,9 +24,7 @@ def check_options(
 ) -> None:
     """Raise unless the options of `rigs.calibrate.calibrate` suit such cameras and frames."""
     if distortion != "auto" and distortion not in TERMS:
-        raise ValueError(
-            f"distortion: found {distortion!r}, expected one of auto, {', '.join(TERMS)}"
-        )
+        raise ValueError(f"distortion: found {distortion!r}, expected auto or {', '.join(TERMS)}")
     if not isinstance(length_unit, str) or not length_unit.strip():
         raise ValueError(f"length_unit: found {length_unit!r}, expected a unit, like mm")
     ambiguity = getattr(target, "ambiguity", None)
@@ -40,13 +38,9 @@ def check_options(
             if name not in intrinsics:
                 raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
             if not intrinsics[name].has_lens_model:
-                raise ValueError(
-                    f"intrinsics: camera {name}: found a table of rays, expected a lens"
-                )
+                raise ValueError(f"intrinsics: camera {name}: found a ray table, expected a lens")
     if rescale and scene is not None:
-        raise ValueError(
-            "rescale: found True with a scene, expected lengths of scene and target in one unit"
-        )
+        raise ValueError("rescale: found True with a scene, expected scene and target in one unit")
     if rescale and not isinstance(world, Mapping):
         raise ValueError("rescale: found True, expected world to give positions to scale by")
     for name in [world] if isinstance(world, str) else world or ():
@@ -56,9 +50,7 @@ def check_options(
                 f"{', '.join(cameras)}"
             )
     if isinstance(world, Mapping) and len(world) < 3:
-        raise ValueError(
-            f"world: found {len(world)} positions, expected at least 3 that are not on a line"
-        )
+        raise ValueError(f"world: found {len(world)} positions, expected 3 or more not on a line")
 
 
 def check_lens_options(intrinsics: Rig | None, known: Mapping[str, object]) -> None:
@@ -80,9 +72,7 @@ def common_lenses(
     for one in sets:
         for name in one:
             if name not in names:
-                raise ValueError(
-                    f"common_lens: found {name!r}, expected names of cameras: {', '.join(names)}"
-                )
+                raise ValueError(f"common_lens: found {name!r}, expected among {', '.join(names)}")
             if name in taken:
                 raise ValueError(f"common_lens: found camera {name} twice, expected once")
             taken.add(name)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.bundle import information
+from rigs.calibrate.adjust.bundle import information, scaled_eigen
 from rigs.calibrate.adjust.culling import (
     Culled,
     adjust_and_cull,
@@ -221,8 +221,7 @@ def _covariance(
     matrix, _ = information(scene, arrays.where(used), freedom)
     residuals = (arrays.uv - predicted(scene, arrays))[used]
     unknowns = len(matrix) + 6 * len(np.unique(arrays.frame[used]))
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    scale, values, vectors = scaled_eigen(matrix)
     if residuals.size <= unknowns or values[0] < SINGULAR * values[-1]:
         return None
     variance = float((residuals**2).sum()) / (residuals.size - unknowns)

@@ -20,7 +20,7 @@ from rigs.calibrate.adjust.observation_arrays import Scene as Unknowns
 from rigs.calibrate.joint_adjustment import Adjusted
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.refraction.refraction import Refraction, WindowPrior
-from rigs.calibrate.refraction.routes import HIDDEN, PASSES, REFLECTED, routes_to
+from rigs.calibrate.refraction.routes import HIDDEN, PASSES, REFLECTED, routes_to, widened
 from rigs.calibrate.refraction.start import likely_route, start_before_media
 from rigs.rig import Rig
 from rigs.scene.scene import Scene
@@ -129,7 +129,7 @@ def _through(
     scene = through.placed(replace(adjusted.scene, offset=None))
     if is_start:
         for name, center in zip(names, scene.centers(), strict=True):
-            refraction.check_outside(center, f"camera {name}")
+            refraction.scene.check_outside(center, f"camera {name}")
         scene = start_before_media(scene, arrays, refraction, through.held)
         scene = through.placed(scene)
     scene = replace(scene, refraction=refraction)
@@ -179,7 +179,7 @@ def _routes(
     centers, points = scene.centers(), world_points(scene, arrays)
     routes, ends = np.full((len(arrays), 1), -1), np.zeros(len(arrays), np.int64)
     for camera, rows in camera_rows(arrays):
-        refraction.check_outside(centers[camera], f"camera {names[camera]}")
+        refraction.scene.check_outside(centers[camera], f"camera {names[camera]}")
         found, ends[rows] = routes_to(refraction, centers[camera], points[rows])
         if roughly:
             middle = np.nanmean(points[rows], axis=0)
@@ -187,9 +187,8 @@ def _routes(
             found = np.tile(route, (len(found), 1))
             ends[rows] = PASSES
         width = max(routes.shape[1], found.shape[1])
-        routes = np.pad(routes, ((0, 0), (0, width - routes.shape[1])), constant_values=-1)
-        routes[rows] = -1
-        routes[rows, : found.shape[1]] = found
+        routes = widened(routes, width)
+        routes[rows] = widened(found, width)
         for end, cause in ((REFLECTED, "totally reflected"), (HIDDEN, "stopped by hardware")):
             if (ends[rows] == end).all():
                 raise ValueError(_unreached(names[camera], cause))

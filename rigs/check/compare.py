@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera_protocol import CameraLike, has_lens
 from rigs.check.lines_of_sight import finite_rms, ray_distances
+from rigs.files.text import some
 from rigs.files.units import in_unit
 from rigs.geometry.rotation import motion_between
 from rigs.rig import Rig
@@ -109,9 +110,7 @@ def compare_rigs(
     """
     names = tuple(name for name in first.names if name in second)
     if not names:
-        raise ValueError(
-            f"cameras: found none in common: {_some(first.names)} and {_some(second.names)}"
-        )
+        raise ValueError(f"cameras: found none common: {some(first.names)}; {some(second.names)}")
     second = in_unit(second, first.length_unit)
     one, other = ([rig[name] for name in names] for rig in (first, second))
     R, t = _motion(one, other) if align else (np.eye(3), np.zeros(3))
@@ -204,7 +203,3 @@ def _angle(R: NDArray) -> float:
     """Return the angle of a rotation in degrees, accurate for small ones too."""
     sine = np.linalg.norm([R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]]) / 2
     return float(np.degrees(np.arctan2(sine, (np.trace(R) - 1) / 2)))
-
-
-def _some(names: tuple[str, ...]) -> str:
-    return ", ".join(names[:4]) + (", ..." if len(names) > 4 else "")

@@ -32,8 +32,9 @@ WIDEST = 150.0
 """Degrees across an image, by lenses other than fisheyes; wider ones are an error of unit."""
 
 _POINTS = 60  # of the volume, at which units and conventions are tried
-_COARSE = 8.0  # voxels per pixel; no rig is built with coarser pixels
-_FINE = 1 / 8  # voxels per pixel; finer ones with little of the volume in view are an error
+_COARSE = 8.0
+"""Voxels per pixel: no rig is built with coarser ones. Ones finer than the inverse, with little of
+the volume in view, are an error."""
 
 
 def find_convention_errors(rig: Rig, points: ArrayLike, voxel: float) -> tuple[Finding, ...]:
@@ -47,7 +48,7 @@ def find_convention_errors(rig: Rig, points: ArrayLike, voxel: float) -> tuple[F
     """
     points = np.asarray(points, np.float64)
     fraction, size = _view_of_volume(rig, points, voxel)
-    wrong = (fraction < 0.02) | (size > _COARSE) | ((fraction < 0.25) & (size < _FINE))
+    wrong = (fraction < 0.02) | (size > _COARSE) | ((fraction < 0.25) & (size < 1 / _COARSE))
     # stored rays have no pose that could be mistaken
     cameras = tuple(camera for camera in compress(rig, wrong) if camera.has_lens_model)
     if not cameras:

@@ -15,6 +15,7 @@ from rigs.check.in_view import cut_off, sees_nothing, unseen
 from rigs.check.resolved_wavelength import short
 from rigs.check.result import Finding, RigCheck
 from rigs.check.through_scene import gas, glass, hardware
+from rigs.files.text import some
 from rigs.files.units import UNITS, UNKNOWN, metres
 from rigs.geometry.points import SILENT
 
@@ -132,10 +133,7 @@ def _same_views(check: RigCheck) -> Iterator[Finding]:
         paired |= {one, other}
         pairs.append((rig.names[one], rig.names[other]))
     if pairs:
-        words = ", ".join(" and ".join(pair) for pair in pairs[:4]) + (
-            ", ..." if pairs[4:] else ""
-        )
-        distinct = len(rig) - len(pairs)
+        words, distinct = some(map(" and ".join, pairs)), len(rig) - len(pairs)
         yield Finding(
             "note",
             f"{words}: line integrals are the same from both ends: {len(rig)} cameras give "

@@ -10,28 +10,12 @@ from rigs.rig import Rig
 
 
 def ray_distances(true: Rig, estimated: Rig, points: ArrayLike) -> NDArray[np.float64]:
-    """Return the distances of an estimated rig's rays from their best common points.
+    """Return the distances of an estimated rig's rays from their best common points, ``(C, N)``.
 
-    Points are projected with the true cameras. Rays through these pixels are those of the
-    estimated cameras of the same names.
-
-    Parameters
-    ----------
-    true, estimated : Rig
-        The estimated one may be in any world: a common motion of its cameras changes nothing.
-    points : (N, 3) array_like
-        In the true rig's world.
-
-    Returns
-    -------
-    (C, N) float64
-        Distance of each camera's ray from the point nearest to all, in the estimated rig's length
-        unit; NaN where the camera does not see the point or fewer than two do.
-
-    Raises
-    ------
-    ValueError
-        If the estimated rig lacks a camera.
+    Points ``(N, 3)`` are projected with the true cameras; rays through these pixels are those of
+    the estimated cameras of the same names, in any world: a common motion changes nothing.
+    Distances are in the estimated rig's unit; NaN where the camera does not see the point or fewer
+    than two do.
     """
     points = np.asarray(points, np.float64).reshape(-1, 3)
     origins, directions = np.full((2, len(points), len(true), 3), np.nan)

@@ -14,7 +14,7 @@ DIRECTIONS = 1000
 """Directions over the half sphere, 4.5 degrees apart. Fewer miss the gaps between 33 views, more
 take longer; the worst one is refined."""
 
-_POINTS = 100  # of a volume that the quantiles are taken over; all of them give the same to 1 %
+SAMPLE = 100  # points of a volume that its figures are taken over; all give the same to 1 %
 _STEP = math.radians(4.5)  # first, from the worst of these directions to the worst of all
 _CHUNK = 2_000_000  # wavelengths computed at once, 16 MB; more need more memory
 
@@ -175,7 +175,7 @@ class ViewsOfObject:
             return ResolvedWavelength(
                 math.inf, math.inf, math.inf, directions[0], math.inf, self.voxel
             )
-        some = some[evenly_spread(len(some), _POINTS)]
+        some = some[evenly_spread(len(some), SAMPLE)]
         views = self.at(some)
         found = views.wavelengths(directions)  # (n, M)
         half, nine_tenths = _quantiles(found, weights[some], (0.5, 0.9))
@@ -199,7 +199,7 @@ class ViewsOfObject:
 
     def growth_without(self) -> NDArray[np.float64]:
         """Return how `at_points`' median grows without each camera ``(C,)``; inf without any."""
-        views = self.at(evenly_spread(len(self.lines), _POINTS // 2))
+        views = self.at(evenly_spread(len(self.lines), SAMPLE // 2))
         before = _finite_median(views.at_points())
         cameras = range(self.seen.shape[1])
         after = np.array([_finite_median(views.without(c).at_points()) for c in cameras])

@@ -157,15 +157,9 @@ def check_points(
     voxel : float
         A voxel's edge length, all in the rig's unit.
     pixel_accuracy : float, optional
-        RMS error of a line of sight in pixels, for rigs without a calibration's figures;
-        `PIXEL_ACCURACY` when None.
+        As of `check_rig`.
     weights : (N,) array_like, optional
         Part of the volume that each point stands for; equal when None.
-
-    Raises
-    ------
-    ValueError
-        As `coverage` raises, or if a length is not positive.
     """
     extent = np.asarray(extent, np.float64)
     if extent.shape != (3,) or not (np.isfinite(extent) & (extent > 0)).all():

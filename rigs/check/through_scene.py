@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rigs.check.resolved_wavelength import short
 from rigs.check.result import Finding, RigCheck
+from rigs.files.text import some
 from rigs.scene import Glass, Scene, SceneCamera, Window
 from rigs.scene.tracing import OPEN
 
@@ -32,8 +33,7 @@ def hardware(check: RigCheck) -> Iterator[Finding]:
         return
     shares = [share for share, _ in found.values()]
     seen = sum((counts for _, counts in found.values()), Counter())
-    named = ", ".join(name for name, _ in seen.most_common(4))
-    named += f" and {len(seen) - 4} more" if len(seen) > 4 else ""
+    named = some(name for name, _ in seen.most_common())
     low, high = f"{min(shares):.0%}", f"{max(shares):.0%}"
     yield Finding(
         "warning" if max(shares) > 0.1 else "note",

@@ -9,11 +9,10 @@ from typing import Annotated, Any, Literal
 
 import pydantic
 
-from rigs.files.text import expected_one_of, shortened
+from rigs.files.text import FEW, expected_one_of, shortened
 
 _PLAIN = {float: "number", int: "whole number", str: "text"}
 _REPORTED_FIRST = {"literal_error": 0, "extra_forbidden": 1}
-_FEW = 6  # fields of a mapping that a message names; more make the line too long
 
 
 def first_problem(
@@ -118,7 +117,7 @@ def _one_in_words(annotation: Any, plural: bool = False) -> str:
     word = f"{_PLAIN.get(annotation, 'mapping')}{many}"
     if isinstance(annotation, type) and issubclass(annotation, pydantic.BaseModel):
         fields = tuple(annotation.model_fields)
-        word += f" with {', '.join(fields)}" if len(fields) <= _FEW and not plural else ""
+        word += f" with {', '.join(fields)}" if len(fields) <= FEW and not plural else ""
     if origin in (tuple, list):
         count = f"{len(inner)} " if origin is tuple else ""
         item = _choices(inner[0])[0]

@@ -19,8 +19,8 @@ from rigs.rig import Rig, Volume
 from rigs.scene.entry import scene_of
 from rigs.scene.scene import Scene
 
-FORMAT = "emission-rig"
-VERSION = 1
+HEAD = {"format": "emission-rig", "version": 1}
+"""The first entries of a file."""
 
 
 def load_rig(path: str | os.PathLike) -> Rig:
@@ -42,7 +42,7 @@ def load_rig(path: str | os.PathLike) -> Rig:
     """
     data = read_yaml_mapping(path)
     try:
-        for field, expected in (("format", FORMAT), ("version", VERSION)):
+        for field, expected in HEAD.items():
             if field not in data:
                 raise ValueError(f"{field}: missing, expected {expected}")
             if data[field] != expected or isinstance(data[field], bool):
@@ -60,8 +60,7 @@ def load_scene(path: str | os.PathLike, length_unit: str = "mm") -> Scene:
     data = read_yaml_mapping(path)
     try:
         own = data.get("scene", data)
-        head = {"format": FORMAT, "version": VERSION, "cameras": []}
-        entry = parse_rig({**head, "scene": own}).scene
+        entry = parse_rig({**HEAD, "cameras": [], "scene": own}).scene
         if entry is None or not entry.solids:
             raise ValueError("scene: found no solids, expected at least one")
         return scene_of(entry, Path(path).parent, length_unit)
@@ -139,9 +138,7 @@ def _intrinsics(entry: CameraEntry) -> Any:
     given = [name for name in short if getattr(entry, name) is not None]
     if entry.camera_matrix is not None:
         if given:
-            raise ValueError(
-                f"{given[0]}: found together with camera_matrix, expected one of the two"
-            )
+            raise ValueError(f"{given[0]}: found beside camera_matrix, expected one of the two")
         return entry.camera_matrix
     for name in short[:2]:
         if name not in given:
@@ -160,9 +157,7 @@ def _pose(entry: CameraEntry) -> tuple[Any, Any]:
     groups = (("R", "t"), ("position", "look_at", "up"))
     given = [[name for name in names if getattr(entry, name) is not None] for names in groups]
     if given[0] and given[1]:
-        raise ValueError(
-            f"{given[1][0]}: found together with {given[0][0]}, expected one of the two"
-        )
+        raise ValueError(f"{given[1][0]}: found beside {given[0][0]}, expected one of the two")
     names = groups[1] if given[1] else groups[0]
     for name in names:
         if getattr(entry, name) is None:

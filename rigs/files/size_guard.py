@@ -19,7 +19,7 @@ from typing import IO
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.text import breaks_a_line, check_plain_file, shortened
+from rigs.files.text import AT_ONCE, breaks_a_line, check_plain_file, shortened
 
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # NumPy writes no other compression
 _READ_HEADER = {
@@ -34,8 +34,6 @@ nothing; more lets a small damaged file take that much memory."""
 
 RATIO = 32
 """Unpacked bytes that each stored byte may add: measured fields pack to a tenth at the least."""
-
-_PIECE = 1 << 24  # bytes unpacked at a time: little beside what any file may unpack to
 
 
 def largest_claim(stored: int) -> int:
@@ -64,7 +62,7 @@ def decompressed(data: bytes | bytearray, most: int, method: str = "zlib") -> by
     stream = bz2.BZ2Decompressor() if method == "bzip2" else zlib.decompressobj(_ANY_HEADER)
     found = bytearray()  # grows in place, where one call would hold the values twice
     while not stream.eof and len(found) <= most:
-        piece = stream.decompress(data, min(_PIECE, most + 1 - len(found)))
+        piece = stream.decompress(data, min(AT_ONCE, most + 1 - len(found)))
         data = getattr(stream, "unconsumed_tail", b"")  # bz2 keeps what is left
         if not piece and not data:
             break
@@ -125,9 +123,7 @@ def _check_header(file: IO[bytes], size: int, what: str) -> None:
     left = size - file.tell()
     # NumPy gives text of no length one letter: any number of values for nothing
     if not dtype.itemsize or math.prod(shape) * dtype.itemsize != left:
-        raise ValueError(
-            f"{what}: found {left} bytes of values, expected {dtype} of shape {shape}"
-        )
+        raise ValueError(f"{what}: found {left} bytes of values, expected {dtype} {shape}")
 
 
 def path_inside(file: str, folder: Path, where: str, owner: str = "rig's") -> Path:

@@ -16,7 +16,12 @@ import yaml
 
 from rigs.files.atomic import atomic_path
 
-_MAX_BYTES = 16 * 2**20  # of a file, or a line: COLMAP writes all points of an image into one
+AT_ONCE = 16 * 2**20
+"""Bytes of a foreign file that are held at a time: a text, or a line of COLMAP's, which holds all
+points of an image; a piece that is unpacked; the ends of an HDF5 file, where its texts stand."""
+
+END = 1 << 16  # bytes at an end of a file that say what is in it
+FEW = 6  # names in a message; more make the line too long
 MAX_DEPTH = 32  # levels of nesting; foreign files need below ten, and deeper trees cost a stack
 _MAX_VALUES = 1_000_000  # of a YAML file: 8 cameras and 45,000 frames have almost as many
 
@@ -43,14 +48,14 @@ def nearest(found: str, known: Sequence[str]) -> str | None:
 def read_text(path: str | os.PathLike) -> str:
     """Return the UTF-8 text of a file; ValueError where it is another or larger than 16 MiB."""
     with _existing(path).open("rb") as file:
-        data = file.read(_MAX_BYTES + 1)
-    if len(data) > _MAX_BYTES:
-        raise ValueError(f"{path}: found more than {_MAX_BYTES >> 20} MiB, expected a text file")
+        data = file.read(AT_ONCE + 1)
+    if len(data) > AT_ONCE:
+        raise ValueError(f"{path}: found more than {AT_ONCE >> 20} MiB, expected a text file")
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise ValueError(
-            f"{path}: found a byte that is not UTF-8 at {error.start}, expected UTF-8 text"
+            f"{path}: found a byte not UTF-8 at {error.start}, expected text"
         ) from None
 
 
@@ -61,18 +66,18 @@ def iter_lines(path: str | os.PathLike, keep_empty: bool = False) -> Iterator[st
     """
     with _existing(path).open("rb") as file:
         number = 0
-        while line := file.readline(_MAX_BYTES + 1):
+        while line := file.readline(AT_ONCE + 1):
             number += 1
-            if len(line) > _MAX_BYTES:
+            if len(line) > AT_ONCE:
                 raise ValueError(
-                    f"{path}: found a line {number} of more than {_MAX_BYTES >> 20} MiB, expected "
+                    f"{path}: found a line {number} of more than {AT_ONCE >> 20} MiB, expected "
                     "a text file"
                 )
             try:
                 text = line.decode("utf-8-sig" if number == 1 else "utf-8").strip()
             except UnicodeDecodeError:
                 raise ValueError(
-                    f"{path}: found bytes that are not UTF-8 in line {number}, expected UTF-8 text"
+                    f"{path}: found bytes not UTF-8 in line {number}, expected text"
                 ) from None
             if text or keep_empty:
                 yield text
@@ -115,6 +120,14 @@ def write_bytes(path: str | os.PathLike, data: bytes) -> None:
     """
     with atomic_path(path) as temporary:
         temporary.write_bytes(data)
+
+
+def some(names: Iterable[str], most: int = FEW) -> str:
+    """Return a list of names, cut where it is long."""
+    names = list(names)
+    if len(names) > most:
+        return f"{', '.join(names[: most - 1])} and {len(names) - most + 1} more"
+    return ", ".join(names)
 
 
 def shortened(value: object) -> str:
@@ -160,9 +173,7 @@ def yaml_mapping(text: str, path: str | os.PathLike) -> dict[str, Any]:
     if data is None:
         raise ValueError(f"{path}: found an empty file, expected a YAML mapping")
     if not isinstance(data, dict):
-        raise ValueError(
-            f"{path}: found {_kind(data)}, expected a YAML mapping: lines like length_unit: mm"
-        )
+        raise ValueError(f"{path}: found {_kind(data)}, expected a YAML mapping: length_unit: mm")
     return _plain(data)
 
 
@@ -229,9 +240,7 @@ def _check_nodes(root: yaml.Node, path: str | os.PathLike) -> None:
             keys = set()
             for key, value in node.value:
                 if not isinstance(key, yaml.ScalarNode):
-                    raise ValueError(
-                        f"{path}: broken YAML at line {line}: a key is not plain text"
-                    )
+                    raise ValueError(f"{path}: broken YAML, line {line}: a key is not plain text")
                 if key.value in keys:
                     name = " ".join(key.value.split())[:60]
                     raise ValueError(

@@ -15,11 +15,7 @@ from rigs.files.units import UNKNOWN, metres, resized
 from rigs.geometry.rotation import POORLY_MET, are_on_a_line, motion_between, numbers, rotation
 from rigs.rig import Rig
 
-_KINDS = (
-    ("R", "t"),
-    ("origin", "x_axis", "xy_plane"),
-    ("points", "become"),
-)
+_KINDS = (("R", "t"), ("origin", "x_axis", "xy_plane"), ("points", "become"))
 _MORE = ("world_frame", "length_unit", "rescale")
 
 
@@ -138,9 +134,7 @@ def _by_places(points: NDArray, become: NDArray, rescale: bool, frame: str) -> W
         raise ValueError(f"become: found {len(become)} points, expected {len(points)}, as points")
     for name, some in (("points", points), ("become", become)):
         if are_on_a_line(some):
-            raise ValueError(
-                f"{name}: found {len(some)} points, expected 3 or more that are not on a line"
-            )
+            raise ValueError(f"{name}: found {len(some)} points, expected 3 or more not on a line")
     R, t, size = motion_between(points, become, rescale)
     misfit = float(np.sqrt(((size * points @ R.T + t - become) ** 2).sum(axis=1).mean()))
     extent = float(np.sqrt(((become - become.mean(axis=0)) ** 2).sum(axis=1).mean()))

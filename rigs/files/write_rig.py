@@ -10,7 +10,7 @@ from typing import Any, cast
 import yaml
 
 from rigs.camera_protocol import CameraLike, LensCamera
-from rigs.files.rig_yaml import FORMAT, VERSION
+from rigs.files.rig_yaml import HEAD
 from rigs.files.text import breaks_a_line, write_text
 from rigs.ray_table import RayTable
 from rigs.ray_table.ray_file import save_ray_table
@@ -53,8 +53,7 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
 def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:
     """Return the text that `save_rig` writes into a file of that stem."""
     data: dict[str, Any] = {
-        "format": FORMAT,
-        "version": VERSION,
+        **HEAD,
         "length_unit": rig.length_unit,
         "convention": "opencv",
         "world_frame": rig.world_frame,

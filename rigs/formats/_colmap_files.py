@@ -54,9 +54,7 @@ def _camera(stream: BinaryIO) -> Iterator[str]:
     """Yield the line of a camera."""
     key, number, width, height = _unpacked(stream, "IiQQ")
     if number not in _NUMBERS:
-        raise ValueError(
-            f"camera {key}: MODEL: found number {number}, expected 0 to {max(_NUMBERS)}"
-        )
+        raise ValueError(f"camera {key}: MODEL: found {number}, expected 0 to {max(_NUMBERS)}")
     name = _NUMBERS[number]
     values = _unpacked(stream, f"{len(MODELS[name][2].split())}d")
     yield " ".join([str(key), name, str(width), str(height), *map(repr, values)])

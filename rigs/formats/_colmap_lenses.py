@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import CameraLike
-from rigs.formats._lens import behind_fisheye, check_table_size, sphere, table_of
+from rigs.formats._lens import SLOTS, behind_fisheye, check_table_size, sphere, table_of
 from rigs.formats._values import as_count, errors_of, numbers_of_line, one_of
 from rigs.geometry.image_checks import pixel_centres
 from rigs.lens import Distortion
@@ -41,11 +41,7 @@ MODELS: dict[str, tuple[int, str, str]] = {
     "SIMPLE_RADIAL_FISHEYE": (8, "fisheye", "f cx cy k1"),
     "RADIAL_FISHEYE": (9, "fisheye", "f cx cy k1 k2"),
     "THIN_PRISM_FISHEYE": (10, "table", "fx fy cx cy k1 k2 p1 p2 k3 k4 sx1 sy1"),
-    "RAD_TAN_THIN_PRISM_FISHEYE": (
-        11,
-        "",
-        "fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3",
-    ),
+    "RAD_TAN_THIN_PRISM_FISHEYE": (11, "", "fx fy cx cy k0 k1 k2 k3 k4 k5 p0 p1 s0 s1 s2 s3"),
     "SIMPLE_DIVISION": (12, "table", "f cx cy k"),
     "DIVISION": (13, "table", "fx fy cx cy k"),
     "SIMPLE_FISHEYE": (14, "fisheye", "f cx cy"),
@@ -58,12 +54,7 @@ _LOST = {
     "EQUIRECTANGULAR": "all of the sphere that is not in front",
 }
 _PRISM = ("k1", "k2", "k3", "p1", "p2", "sx1", "sy1")
-_SLOTS = {
-    "none": (),
-    "brown": ("k1", "k2", "p1", "p2"),
-    "rational": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-    "fisheye": ("k1", "k2", "k3", "k4"),
-}
+_SLOTS = {**SLOTS, "brown": SLOTS["brown"][:4]}
 
 
 @dataclass(frozen=True)

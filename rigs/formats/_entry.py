@@ -11,26 +11,26 @@ from numpy.typing import NDArray
 
 from rigs.camera import Camera
 from rigs.camera_protocol import LensCamera
-from rigs.files.text import shortened
-from rigs.formats._lens import named_model, refuse_skew
-from rigs.formats._values import as_number, one_of, required, rotation_of_motion
+from rigs.formats._lens import SLOTS, named_model, refuse_skew
+from rigs.formats._values import (
+    as_array,
+    as_count,
+    as_number,
+    one_of,
+    required,
+    rotation_of_motion,
+)
 from rigs.lens import Distortion
 
-_RADIAL, _TANGENTIAL = tuple(f"k{i}" for i in range(1, 7)), ("p1", "p2")
-#: The lens keys that each of the format's camera models uses, and our model; all others must be 0.
-_MODELS: dict[str, tuple[str, tuple[str, ...]]] = {
-    "SIMPLE_PINHOLE": ("none", ()),
-    "PINHOLE": ("none", ()),
-    "SIMPLE_RADIAL": ("brown", ("k1",)),
-    "RADIAL": ("brown", ("k1", "k2")),
-    "OPENCV": ("brown", ("k1", "k2", "p1", "p2", "k3")),
-    "FULL_OPENCV": ("rational", ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")),
-    "OPENCV_FISHEYE": ("fisheye", ("k1", "k2", "k3", "k4")),
-}
-_SLOTS = {
-    "brown": ("k1", "k2", "p1", "p2", "k3"),
-    "rational": ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6"),
-    "fisheye": ("k1", "k2", "k3", "k4"),
+#: Our model for each of the format's, and how many of its `SLOTS` are used; others must be 0.
+_MODELS = {
+    "SIMPLE_PINHOLE": ("none", 0),
+    "PINHOLE": ("none", 0),
+    "SIMPLE_RADIAL": ("brown", 1),
+    "RADIAL": ("brown", 2),
+    "OPENCV": ("brown", 5),
+    "FULL_OPENCV": ("rational", 8),
+    "OPENCV_FISHEYE": ("fisheye", 4),
 }
 
 
@@ -41,15 +41,12 @@ def entry_camera(entry: Mapping[str, Any], shared: Mapping[str, Any]) -> Camera:
         raise ValueError("transform_matrix: missing, expected a 4 x 4 camera-to-world matrix")
     R, t = _pose(entry["transform_matrix"])
     distortion = _distortion(values)
-    width, height = (_positive(values, key) for key in ("w", "h"))
-    if width != int(width) or height != int(height):
-        raise ValueError(f"w, h: found {width} and {height}, expected whole numbers of pixels")
+    width, height = (as_count(required(values, key), key) for key in ("w", "h"))
     fx, fy = _focal_lengths(entry, shared, width, height, distortion.model)
     cx = _number(values, "cx", width / 2) - 0.5  # the format's pixel centres are at halves
     cy = _number(values, "cy", height / 2) - 0.5
     K = [[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]]
-    size = (int(width), int(height))
-    return Camera("entry", size, K, distortion, R, t, status="calibrated")
+    return Camera("entry", (width, height), K, distortion, R, t, status="calibrated")
 
 
 def camera_entry(camera: LensCamera) -> dict[str, Any]:
@@ -74,32 +71,27 @@ def camera_entry(camera: LensCamera) -> dict[str, Any]:
 
 def _pose(matrix: object) -> tuple[NDArray, NDArray]:
     """Return OpenCV's world-to-camera ``R`` and ``t`` of OpenGL's camera-to-world matrix."""
-    try:
-        pose = np.array(matrix, np.float64)
-    except (TypeError, ValueError, OverflowError):
-        pose = np.zeros(0)
-    if pose.shape not in ((4, 4), (3, 4)) or not np.isfinite(pose).all():
-        raise ValueError(
-            f"transform_matrix: found {shortened(matrix)}, expected 4 x 4 finite numbers"
-        )
+    pose = as_array(matrix, (None, 4), "transform_matrix")
+    if len(pose) not in (3, 4):
+        raise ValueError(f"transform_matrix: found {len(pose)} rows, expected 4")
     R = np.diag([1.0, -1.0, -1.0]) @ rotation_of_motion(pose, "transform_matrix").T
     return R, -R @ pose[:3, 3]
 
 
 def _distortion(values: Mapping[str, Any]) -> Distortion:
     """Return the lens of an entry."""
-    lens = {key: _number(values, key, 0.0) for key in _RADIAL + _TANGENTIAL}
+    lens = {key: _number(values, key, 0.0) for key in SLOTS["rational"]}
     given = values.get("camera_model")
     if given is None:
         given = "OPENCV_FISHEYE" if values.get("is_fisheye") else "OPENCV"
     given = one_of(given, _MODELS, "camera_model")
-    model, used = _MODELS[given]
+    model, count = _MODELS[given]
     for key, value in lens.items():
-        if value != 0 and key not in used:
+        if value != 0 and key not in SLOTS[model][:count]:
             raise ValueError(f"{key}: found {value}, expected 0 for camera_model {given}")
     if model == "none" or (model == "brown" and not any(lens.values())):
         return Distortion()
-    return Distortion(model, tuple(lens[key] for key in _SLOTS[model]))
+    return Distortion(model, tuple(lens[key] for key in SLOTS[model]))
 
 
 def _focal_lengths(

@@ -14,7 +14,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.files.text import read_json_mapping, read_text, shortened, yaml_mapping
+from rigs.files.text import read_json_mapping, read_text, shortened, some, yaml_mapping
 from rigs.files.xml_file import read_xml
 from rigs.formats._values import (
     as_array,
@@ -186,11 +186,9 @@ def by_suffix(data: Mapping[str, Any], stems: Mapping[str, str]) -> dict[str, di
     return entries
 
 
-def keys_found(data: Mapping[str, Any], count: int = 6) -> str:
+def keys_found(data: Mapping[str, Any]) -> str:
     """Return the first keys of a mapping in words, for a message."""
-    names = [" ".join(key.split())[:30] for key in list(data)[:count]]
-    more = f" and {len(data) - count} more" if len(data) > count else ""
-    return ", ".join(names) + more if names else "no keys"
+    return some(" ".join(key.split())[:30] for key in data) or "no keys"
 
 
 #: Names of lists, one item a camera, beside the names of single values.
@@ -260,9 +258,7 @@ def _of_lists(data: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
                 return {}  # one matrix
             entries = {f"camera{i}": {} for i in range(len(found))}
         elif not is_list or len(found) != len(entries):
-            raise ValueError(
-                f"{key}: found {shortened(found)}, expected a list of {len(entries)}, one a camera"
-            )
+            raise ValueError(f"{key}: found {shortened(found)}, expected a list of {len(entries)}")
         shared = {k: data[k] for k in _SHARED if k in data}
         for entry, value in zip(entries.values(), found, strict=True):
             entry.update({**shared, keys[0]: value})

@@ -25,6 +25,9 @@ from rigs.lens import Distortion
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
+_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
+#: The names of our models' coefficients, in their order.
+SLOTS = {"none": (), "brown": _NAMES[:5], "rational": _NAMES, "fisheye": ("k1", "k2", "k3", "k4")}
 #: OpenCV's vector of coefficients, by its length.
 _BY_LENGTH = {4: "brown", 5: "brown", 8: "rational", 12: "thin_prism", 14: "tilted"}
 
@@ -95,15 +98,12 @@ def named_model(camera: LensCamera, format_name: str) -> tuple[str, dict[str, fl
     if model == "none":
         return "PINHOLE", {}
     if model == "fisheye":
-        return "OPENCV_FISHEYE", dict(zip(("k1", "k2", "k3", "k4"), values, strict=True))
+        return "OPENCV_FISHEYE", dict(zip(SLOTS[model], values, strict=True))
     if any(values[8:]):
         refuse_lens(camera, format_name)
     if model != "brown" and any(values[5:8]):
         return "FULL_OPENCV", {name: full[name] for name in _NAMES[:8]}
     return "OPENCV", {name: full.get(name, 0.0) for name in _NAMES[:5]}
-
-
-_NAMES = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
 
 #: Parameters of sphere models, before the focal lengths and the principal point.

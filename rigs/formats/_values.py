@@ -17,13 +17,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.camera_protocol import CameraLike
-from rigs.files.text import check_plain_file, shortened
+from rigs.files.text import END, check_plain_file, shortened
 from rigs.geometry.rotation import rotation
 from rigs.recordings import image_size
 
 logger = logging.getLogger(__name__)
 
-_HEAD = 65536  # bytes
 _IMAGES = (".png", ".jpg", ".jpeg", ".tif", ".tiff", ".bmp", ".ppm", ".pgm")
 RIGID = 1e-4  # deviation from orthonormal, or each other, of rotations stored with few digits
 
@@ -32,7 +31,7 @@ def read_head(path: Path) -> str:
     """Return a file's first characters, by which its format is recognised."""
     check_plain_file(path)
     with path.open("rb") as file:
-        return file.read(_HEAD).decode("utf-8-sig", "replace").replace("\r\n", "\n")
+        return file.read(END).decode("utf-8-sig", "replace").replace("\r\n", "\n")
 
 
 LARGEST = 1e30
@@ -163,7 +162,7 @@ def numbers_of_line(fields: Sequence[str], names: Sequence[str]) -> list[float]:
     """Return one number a name from the words of a line."""
     if len(fields) != len(names):
         raise ValueError(
-            f"found {len(fields)} values, expected {len(names)}: {' '.join(names)[:60]}"
+            f"found {len(fields)} values, expected {len(names)}: {' '.join(names)[:50]}"
         )
     return [as_number(word, name) for word, name in zip(fields, names, strict=True)]
 

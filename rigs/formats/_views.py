@@ -84,9 +84,7 @@ def finished(
     first = dict(zip(reversed(names), reversed(finish), strict=True))
     for name, other in zip(names, finish, strict=True):
         if _parts(other) != _parts(first[name]):
-            raise ValueError(
-                f"camera {name}: distortion: differs between its images, expected the same in all"
-            )
+            raise ValueError(f"camera {name}: distortion: differs between images, expected one")
     return limited(first[camera.name](camera) for camera in found)
 
 

@@ -71,9 +71,7 @@ def _names(path: Path, count: int) -> tuple[Path, list[str]]:
         if file.is_file():
             names = [line.split()[0] for line in iter_lines(file)]
             if len(names) != count:
-                raise ValueError(
-                    f"number of cameras: found {count}, expected {len(names)} as in {file}"
-                )
+                raise ValueError(f"cameras: found {count}, expected {len(names)} as in {file}")
             return file.parent, names
     return path.parent, []
 

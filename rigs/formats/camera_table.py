@@ -141,9 +141,7 @@ def _rows(lines: list[str], columns: Mapping[str, str]) -> Iterator[dict[str, st
     delimiter = _delimiter(lines[0])
     for number, texts in enumerate(csv.reader(lines[1:], delimiter=delimiter), 2):
         if len(texts) != len(columns):
-            raise ValueError(
-                f"line {number}: found {len(texts)} columns, expected {len(columns)} as in line 1"
-            )
+            raise ValueError(f"line {number}: found {len(texts)} columns, expected {len(columns)}")
         row = dict(zip(columns, texts, strict=True))
         if delimiter == ";":  # numbers with decimal commas
             row = {k: text if k == "name" else text.replace(",", ".") for k, text in row.items()}

@@ -48,9 +48,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     """Return the rig of a model's folder, or of one of its files."""
     folder, *others = _folders(path)
     if others:
-        raise ValueError(
-            f"{path}: found models in {folder} and {others[0]}, expected one of them as IN"
-        )
+        raise ValueError(f"{path}: found models in {folder} and {others[0]}, expected one as IN")
     rigs = [_load(folder, ending) for ending in _endings(path, folder) or [".txt"]]
     if len(rigs) > 1 and not _same(*rigs):
         raise ValueError(
@@ -103,9 +101,7 @@ def save(rig: Rig, path: Path) -> None:
     }
     for camera in rig:
         if any(c.isspace() for c in camera.name):
-            raise ValueError(
-                f"camera {camera.name}: name: found a space, which COLMAP's files cannot hold"
-            )
+            raise ValueError(f"camera {camera.name}: name: found a space, which COLMAP lacks")
     folder.mkdir(parents=True, exist_ok=True)
     # Files of two models would be read as one. Without cameras.txt none is read until all exist.
     (folder / "cameras.txt").unlink(missing_ok=True)

@@ -38,7 +38,6 @@ from rigs.rig import Rig
 logger = logging.getLogger(__name__)
 
 _ENDINGS = (".csv", ".txt", ".dat", ".dlt")
-_COUNT = 11
 
 
 def looks_like(path: Path, head: str) -> bool:
@@ -50,7 +49,7 @@ def looks_like(path: Path, head: str) -> bool:
         [float(word) for row in rows for word in row]
     except ValueError:
         return False
-    return len({len(row) for row in rows}) == 1 and _COUNT in (len(rows), len(rows[0]))
+    return len({len(row) for row in rows}) == 1 and 11 in (len(rows), len(rows[0]))
 
 
 def load(
@@ -124,9 +123,9 @@ def _table(text: str) -> NDArray[np.float64]:
     table = np.array(
         [[as_number(word, f"row {i}") for word in row] for i, row in enumerate(rows, 1)]
     )
-    if _COUNT not in table.shape:
+    if 11 not in table.shape:
         raise ValueError(
             f"found {len(rows)} rows of {len(rows[0])} numbers, expected 11 rows, a column each "
             "camera"
         )
-    return table if len(table) == _COUNT else table.T
+    return table if len(table) == 11 else table.T

@@ -103,9 +103,7 @@ def _camera(
     with errors_of(f"camera {name}"):
         K = matrix(named, (f"K_{name}",), (3, 3))
         if "D" not in entry:
-            raise ValueError(
-                f"dist_{name}: missing, expected 4 or more coefficients, zeros if there are none"
-            )
+            raise ValueError(f"dist_{name}: missing, expected 4 or more numbers, if only zeros")
         distortion = from_vector(vector(named, (f"D_{name}",)), False, f"dist_{name}")
         if entry.keys() & {"W", "H"}:
             size = tuple(as_count(entry.get(key), f"{key}_{name}") for key in ("W", "H"))

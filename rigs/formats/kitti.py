@@ -21,14 +21,7 @@ from numpy.typing import NDArray
 from rigs.camera import Camera
 from rigs.files.text import read_text
 from rigs.formats._lens import from_vector
-from rigs.formats._values import (
-    as_array,
-    as_rotation,
-    as_size,
-    errors_of,
-    required,
-    required_size,
-)
+from rigs.formats._values import as_array, as_rotation, as_size, errors_of, required, required_size
 from rigs.formats.projection import camera_of_matrix
 from rigs.rig import Rig
 

@@ -52,9 +52,6 @@ def _camera(line: str, folder: Path, image_size: tuple[int, int] | None) -> Came
     name = PurePosixPath(image).stem
     with errors_of(f"camera {name}"):
         values = np.array(numbers_of_line(words, _NAMES))
-        K, R = (
-            values[:9].reshape(3, 3),
-            as_rotation(values[9:18].reshape(3, 3), "r11 ... r33"),
-        )
+        K, R = (values[:9].reshape(3, 3), as_rotation(values[9:18].reshape(3, 3), "r11 ... r33"))
         size = required_size(image_size, "Middlebury", folder / PurePosixPath(image).name)
     return Camera(name, size, K, R=R, t=values[18:], status="calibrated")

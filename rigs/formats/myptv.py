@@ -28,7 +28,6 @@ from rigs.files.text import read_text
 from rigs.formats._lens import check_table_size
 from rigs.formats._values import (
     as_count,
-    as_number,
     cameras_of,
     errors_of,
     numbers_of_line,
@@ -41,7 +40,7 @@ from rigs.ray_table import RayTable
 from rigs.rig import Rig
 
 LENGTH_UNIT = "mm"
-_COUNTS = (3, 3, 1, 2)  # of numbers in the lines after the name
+_LINES = (("O_x", "O_y", "O_z"), ("theta_x", "theta_y", "theta_z"), ("f",), ("xh", "yh"))
 _TERMS = (5, 9)
 _TAG, _OTHER_MODEL = "Tsai model camera", "extendedZolof"  # how newer files begin
 
@@ -57,7 +56,11 @@ def looks_like(path: Path, head: str) -> bool:
     if len(lines) != 8 or not lines[0].strip():
         return False
     counts = [_count_of_numbers(line) for line in lines[1:]]
-    return tuple(counts[:4]) == _COUNTS and counts[4] in _TERMS and len(set(counts[4:])) == 1
+    return (
+        counts[:4] == [len(names) for names in _LINES]
+        and counts[4] in _TERMS
+        and len(set(counts[4:])) == 1
+    )
 
 
 def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
@@ -104,10 +107,7 @@ def _camera(text: str, image_size: tuple[int, int] | None) -> CameraLike:
         if len(lines) != 7:
             raise ValueError(f"found {1 + len(lines)} lines, expected 8")
         words = [line.split() for line in lines]
-        position = np.array(numbers_of_line(words[0], ("O_x", "O_y", "O_z")))
-        angles = numbers_of_line(words[1], ("theta_x", "theta_y", "theta_z"))
-        focal = as_number(" ".join(words[2]), "f")
-        xh, yh = numbers_of_line(words[3], ("xh", "yh"))
+        position, angles, (focal,), (xh, yh) = map(numbers_of_line, words, _LINES)
         terms = len(words[4])
         if terms not in _TERMS:
             raise ValueError(f"E: found {terms} terms, expected {' or '.join(map(str, _TERMS))}")

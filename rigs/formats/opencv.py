@@ -179,9 +179,7 @@ def _camera(name: str, entry: Mapping[str, Any], image_size: tuple[int, int] | N
         distortion = from_vector(vector(entry, LENS), is_fisheye(entry), LENS[0])
         size = size_of(entry) or required_size(image_size, "these OpenCV")
         if "xi" in entry:
-            raise ValueError(
-                "xi: found it, as of an omnidirectional camera, expected a pinhole with a lens"
-            )
+            raise ValueError("xi: found it, as of an omnidirectional lens, expected a pinhole")
         R, t = np.eye(3), np.zeros(3)
         if first(entry, TURN) is not None:
             R, t = turn(entry), vector(entry, SHIFT, 3)

@@ -230,9 +230,7 @@ def _camera(
     if not cc > 0:
         raise ValueError(f"cc: found {cc}, expected a positive length")
     if not (lens["scx"] > 0 and math.cos(lens["she"]) > 0):
-        raise ValueError(
-            f"scx, she: found {lens['scx']} and {lens['she']}, expected a scale and a small angle"
-        )
+        raise ValueError(f"scx, she: found {lens['scx']}, {lens['she']}, expected > 0, < pi/2")
     R = np.diag([1.0, -1.0, -1.0]) @ matrix_of_angles(*(values[key] for key in _EXTERIOR[3:])).T
     position = np.array([values[key] for key in _EXTERIOR[:3]])
     (pix_x, pix_y), (width, height) = project.pitch, project.size
@@ -275,9 +273,7 @@ def _behind_glass(
     n1, n2, n3, thickness = media
     distance = float(np.linalg.norm(glass))
     if not 0 < distance < np.inf:
-        raise ValueError(
-            f"glass_x, glass_y, glass_z: found {glass.tolist()}, expected a vector to the glass"
-        )
+        raise ValueError(f"glass_x, glass_y, glass_z: found {glass.tolist()}, expected a vector")
     check_table_size(camera.image_size)
     normal = glass / distance
     origins, directions = camera.rays(pixel_centres(camera.image_size))

@@ -47,9 +47,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
 def _camera(size: list[str], lines: list[str]) -> Camera:
     """Return the camera of an image's lines, under a placeholder name."""
     if len(size) != 2 or len(lines) != 9:
-        raise ValueError(
-            f"found {shortened(size)} and {len(lines)} lines, expected a width, a height and nine"
-        )
+        raise ValueError(f"found {shortened(size)}, {len(lines)} lines, expected a size and nine")
     width, height = (as_count(word, "imageWidth, imageHeight") for word in size)
     words = [line.split() for line in lines]
     K = np.array(as_array(words[:3], (3, 3), "camera matrix K"))

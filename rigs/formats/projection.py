@@ -59,9 +59,7 @@ def camera_of_matrix(P: NDArray[np.float64], name: str, image_size: tuple[int, i
         scaled = -scaled
     K, R = upper_times_rotation(scaled[:, :3])
     if np.abs(K - np.eye(3)).max() < 1e-3:
-        raise ValueError(
-            "P: found a pose [R | t], expected K [R | t]: its focal length is 1 pixel"
-        )
+        raise ValueError("P: found a pose [R | t], expected K [R | t]: the focal length is 1 px")
     t = np.linalg.solve(K, scaled[:, 3])
     camera = Camera(name, image_size, K / K[2, 2] + 0.0, R=R, t=t / K[2, 2], status="calibrated")
     corners = np.array([[0, 0], [1, 0], [0, 1], [1, 1]]) * np.array(image_size, np.float64)

@@ -24,13 +24,7 @@ import numpy as np
 from rigs.camera import Camera
 from rigs.files.xml_file import read_xml
 from rigs.formats._lens import from_vector
-from rigs.formats._values import (
-    as_count,
-    as_number,
-    as_rotation,
-    errors_of,
-    usable_name,
-)
+from rigs.formats._values import as_count, as_number, as_rotation, errors_of, usable_name
 from rigs.formats.projection import look_away
 from rigs.rig import Rig
 

@@ -215,9 +215,7 @@ def load(
 
     Raises
     ------
-    FileNotFoundError, IsADirectoryError
-        If there is no such file.
-    ValueError
+    FileNotFoundError, IsADirectoryError, ValueError
         In one line: the file, the camera, the field, what was found, what was expected.
     """
     path = Path(path)
@@ -264,9 +262,7 @@ def save(rig: Rig, path: str | os.PathLike, format: str | None = None) -> None:
 def _known(name: str, choices: tuple[str, ...], verb: str) -> Format:
     """Return the format called ``name``."""
     if name not in choices:
-        raise ValueError(
-            f"format: found {name!r}, expected one that can be {verb}: {', '.join(choices)}"
-        )
+        raise ValueError(f"format: found {name!r}, expected one {verb}: {', '.join(choices)}")
     return FORMATS[name]
 
 

@@ -10,6 +10,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.camera_protocol import CameraLike
 
+ALONG = 9  # points along each edge of a box that stand for all of it
+
 
 def box_points(lower: ArrayLike, upper: ArrayLike, count: int) -> NDArray[np.float64]:
     """Return ``(count³, 3)`` points evenly spread over a box, faces included; 2 gives its corners.

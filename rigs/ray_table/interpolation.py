@@ -159,11 +159,7 @@ def _nodes(
     low, high = max(float(away.min()) - spread, 1e-3 * float(away.max())), float(away.max())
     steps = np.linspace(low, max(high + spread, low * (1 + 1e-9)), DEPTHS)
     nodes = o[:, None] + steps[:, None] * d[:, None]  # (rays, depths, 3)
-    return (
-        nodes.reshape(-1, 3),
-        np.repeat(pixels, DEPTHS, axis=0),
-        np.tile(steps, len(pixels)),
-    )
+    return (nodes.reshape(-1, 3), np.repeat(pixels, DEPTHS, axis=0), np.tile(steps, len(pixels)))
 
 
 def _newton(

@@ -72,12 +72,7 @@ def read_image(
         If there is no such file.
     """
     image, _ = read_with_full_scale(
-        path,
-        bit_depth,
-        usable,
-        channel=channel,
-        bayer=bayer,
-        must_have_channel=must_have_channel,
+        path, bit_depth, usable, channel=channel, bayer=bayer, must_have_channel=must_have_channel
     )
     return image
 
@@ -94,9 +89,7 @@ def read_with_full_scale(
     """Return what `read_image` does, and the full scale that integers were divided by, or 1."""
     path = Path(path)
     if path.is_dir():
-        raise ValueError(
-            f"{path}: found a folder, expected one image: of several dark frames give the mean"
-        )
+        raise ValueError(f"{path}: found a folder, expected one image, such as dark frames' mean")
     if path.suffix.lower() not in IMAGE_SUFFIXES:
         expected = ", ".join(IMAGE_SUFFIXES)
         raise ValueError(f"{path}: found suffix {path.suffix!r}, expected one of {expected}")
@@ -135,18 +128,7 @@ def intensities_with_full_scale(
 ) -> tuple[NDArray[np.float32], int]:
     """Return stored pixels as intensities, and the full scale that integers were divided by, or 1.
 
-    Parameters
-    ----------
-    stored : (rows, columns) array
-    source : object
-        What errors name: the place of an image in memory.
-    bit_depth, usable
-        As of `read_image`.
-
-    Raises
-    ------
-    ValueError
-        If a usable pixel is NaN or infinite, or the pixels are not of a known type.
+    ``source`` is what errors name; for the others see `read_image`.
     """
     try:
         return _intensities(Still.of(stored), None, bit_depth, usable)
@@ -155,13 +137,7 @@ def intensities_with_full_scale(
 
 
 def is_integer_image(path: str | os.PathLike) -> bool:
-    """Return whether an image file holds integers, which `read_image` scales to 0..1.
-
-    Raises
-    ------
-    ValueError
-        If it is a TIFF that cannot be read. Other formats hold nothing but integers.
-    """
+    """Return whether an image file holds integers, which `read_image` scales to 0..1."""
     check_plain_file(path)
     with open(path, "rb") as file:
         if file.read(2) not in TIFF_MARKS:

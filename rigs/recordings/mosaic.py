@@ -84,13 +84,7 @@ class Mosaic:
         return image[row:rows:2, column:columns:2]
 
     def camera(self, camera: AnyCamera) -> AnyCamera:
-        """Return the camera of the colour's pixels, from that of the sensor's.
-
-        Raises
-        ------
-        ValueError
-            If the image is narrower or lower than two pixels.
-        """
+        """Return the camera of the colour's pixels, from the sensor's, of 2 x 2 pixels or more."""
         if min(camera.image_size) < 2:
             raise ValueError(
                 f"camera {camera.name}: found {camera.image_size[0]} x {camera.image_size[1]} "
@@ -110,9 +104,6 @@ def without_pattern(image: NDArray) -> NDArray[np.float32]:
     """Return a mosaic's brightness, at full size: every pixel is a mean over its 3 x 3.
 
     Edges stay where they are and become smoother: for the search of targets, not for intensities.
-
-    Notes
-    -----
     The weights ``[1 2 1]^T [1 2 1] / 16`` give each of the four pixels of a Bayer pattern a
     quarter, wherever the 3 x 3 lie.
     """

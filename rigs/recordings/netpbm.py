@@ -67,7 +67,5 @@ def _header(content: bytes) -> tuple[int, int, int, int, int]:
         raise ValueError("found no header of a PGM or PPM: damaged or truncated")
     kind, width, height, full = map(int, match.groups())
     if min(width, height) < 1 or not 1 <= full <= 65535:
-        raise ValueError(
-            f"found {width} x {height} pixels up to {full}, expected some, up to 65535 at most"
-        )
+        raise ValueError(f"found {width} x {height} pixels up to {full}, expected some to 65535")
     return kind, width, height, full, match.end()

@@ -98,6 +98,8 @@ def frame_errors(path: Path, index: int) -> Iterator[None]:
         raise
     except Exception as error:
         reason = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, OSError) and error.strerror:
+            reason = f"cannot be read: {error.strerror}"
         raise FrameError(path, index, reason.removeprefix(f"{path}: ")) from None
 
 
@@ -116,6 +118,11 @@ class Reopened:
     """A recording that a pickle opens again: what `_opened_by` names is called once more."""
 
     path: Path
+    n_frames: int
+    image_size: tuple[int, int]
+    frame_rate: float | None = None
+    timestamps: NDArray[np.float64] | None = None
+    notes: tuple[str, ...] = ()
     is_mosaic: bool = False
     channels: tuple[str, ...] = ("0",)
 
@@ -125,14 +132,24 @@ class Reopened:
 
     def read(self, index: int) -> NDArray:
         """Return a frame, see `Recording.read`."""
+        check_index(self.path, index, self.n_frames)
+        with frame_errors(self._path_of(index), index):
+            image = self._frame(index)
+            check_size(self._path_of(index), index, image, self.image_size)
+            return image
+
+    def _path_of(self, index: int) -> Path:
+        """Return the file of a frame."""
+        return self.path
+
+    def _frame(self, index: int) -> NDArray:
+        """Return a frame that there is; errors get the file and the number."""
         raise NotImplementedError
 
     def read_channel(self, index: int, channel: str | None) -> NDArray:
         """Return a frame of a format without channels, see `Recording.read_channel`."""
         if channel is not None:
-            raise FrameError(
-                self.path, index, f"channel: found {channel!r}, expected none: frames have one"
-            )
+            raise FrameError(self.path, index, f"channel: found {channel!r}, expected none")
         return self.read(index)
 
     def __reduce__(self) -> tuple:
@@ -152,9 +169,6 @@ def check_size(path: Path, index: int, image: NDArray, size: tuple[int, int]) ->
             f"found {image.shape[1]} x {image.shape[0]} pixels, expected {size[0]} x {size[1]}, "
             "as in the first",
         )
-
-
-_SLACK = 0.5  # of the time between frames: closer, each frame has its nearest neighbour
 
 
 @dataclass(frozen=True)
@@ -193,8 +207,8 @@ def off_beat(
     for name, own in zip(times, each, strict=True):
         late = (own - common) / periods[name]
         middle = float(np.median(late))
-        frames = round(middle) if abs(middle) > _SLACK else 0
-        others = np.flatnonzero(np.abs(late - frames) > _SLACK)
+        frames = round(middle)
+        others = np.flatnonzero(np.rint(late - frames))
         if frames or others.size:
             found.append(OffBeat(name, frames, int(others[0]) if others.size else None))
     return found

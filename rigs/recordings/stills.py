@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from rigs.files import atomic_path
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from rigs.files.text import check_plain_file
+from rigs.files.text import check_plain_file, some
 from rigs.recordings.netpbm import is_netpbm, netpbm_size, read_netpbm
 from rigs.recordings.still import Still
 from rigs.recordings.tiff import TIFF_MARKS, image_page, opened_tiff, read_tiff, tiff_page
@@ -78,15 +78,7 @@ def read_still(path: str | os.PathLike) -> Still:
 
 
 def image_size(path: str | os.PathLike) -> tuple[int, int]:
-    """Return the width and height in pixels that an image file claims; no pixel is decoded.
-
-    Raises
-    ------
-    ValueError
-        If the file is no image.
-    OSError
-        If the file cannot be opened.
-    """
+    """Return the width and height in pixels that an image file claims; no pixel is decoded."""
     path = Path(path)
     check_plain_file(path)
     with path.open("rb") as file, errors_of_libraries(f"{path}: not a readable image"):
@@ -103,8 +95,6 @@ def image_size(path: str | os.PathLike) -> tuple[int, int]:
 def luminance(pixels: NDArray) -> NDArray:
     """Return the grey image ``(rows, columns)`` of the pixels of a `Still`.
 
-    Notes
-    -----
     ``0.299 R + 0.587 G + 0.114 B`` (ITU-R BT.601); alpha is ignored.
     """
     if pixels.ndim == 2 or pixels.shape[2] <= 2:
@@ -127,9 +117,7 @@ def header_of(source: bytes | BinaryIO) -> Image.Image:
         with warnings.catch_warnings(action="ignore"):  # of large images: `check_claim` decides
             return Image.open(file, formats=_FORMATS)
     except UnidentifiedImageError:
-        raise ValueError(
-            "damaged or of another format, expected PNG, JPEG, TIFF, BMP, PGM or WebP"
-        ) from None
+        raise ValueError("damaged, or none of PNG, JPEG, TIFF, BMP, PGM, WebP") from None
 
 
 def _decode(content: bytes) -> NDArray:
@@ -156,17 +144,12 @@ _VIEWS = {
     8: "turned by 90 degrees to the left",
 }
 _LOSSY = ("JPEG", "WEBP")
-_NAMED = 3  # cameras that a line names
 
 
 def image_notes(images: Mapping[str, Iterable[str | os.PathLike]]) -> list[str]:
-    """Return a line on each thing that files say and that reading them does not heed.
+    """Return a line on each thing that files, by camera, say and that reading them does not heed.
 
-    Parameters
-    ----------
-    images : mapping
-        Camera to its image files; only their headers are read. Files that cannot be read
-        are left to the reader of pixels.
+    Only headers are read; files that cannot be read are left to the reader of pixels.
     """
     return grouped_notes(
         (camera, _said_by(path)) for camera, paths in images.items() for path in paths
@@ -236,11 +219,9 @@ def _said_by(path: str | os.PathLike) -> list[str]:
 def _who(cameras: Counter[str], files: Counter[str]) -> str:
     """Return the cameras' names, and how many of their files are meant where not all are."""
     names = list(cameras)
-    named = ", ".join(names[:_NAMED])
-    more = f" and {len(names) - _NAMED} more" if len(names) > _NAMED else ""
     total = sum(files[name] for name in names)
-    some = f" ({cameras.total()} of {total} images)" if cameras.total() < total else ""
-    return f"camera{'s' if len(names) > 1 else ''} {named}{more}{some}"
+    part = f" ({cameras.total()} of {total} images)" if cameras.total() < total else ""
+    return f"camera{'s' if len(names) > 1 else ''} {some(names)}{part}"
 
 
 TIFF_SUFFIXES = (".tif", ".tiff")

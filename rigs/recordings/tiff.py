@@ -117,9 +117,7 @@ def image_page(file: tifffile.TiffFile) -> tifffile.TiffPage:
     largest = max(whole, key=lambda page: page.imagewidth * page.imagelength)
     others = (page for page in whole if page is not largest)
     if len(pages) > _MOST_PAGES or not all(_is_thumbnail(page, largest) for page in others):
-        raise ValueError(
-            "found more than one page, expected one: store the frames as one file each"
-        )
+        raise ValueError("found more than one page, expected one: store each frame as a file")
     check_chain(file)
     return largest
 
@@ -134,9 +132,7 @@ def _check_intensities(page: tifffile.TiffPage) -> None:
     if kind in _NO_INTENSITIES:
         raise ValueError(f"found {_NO_INTENSITIES[kind]}")
     if min(page.imagewidth, page.imagelength) < 1:
-        raise ValueError(
-            f"found {page.imagewidth} x {page.imagelength} pixels, expected at least one"
-        )
+        raise ValueError(f"found {page.imagewidth} x {page.imagelength} pixels, expected some")
     if page.dtype is None or not isinstance(page.bitspersample, int):
         raise ValueError(
             f"found {page.bitspersample} bits a sample of kind {page.sampleformat}, expected "
@@ -152,9 +148,7 @@ def _check_segments(page: tifffile.TiffPage, size: int) -> None:
     offsets, counts = page.dataoffsets, page.databytecounts
     expected = math.prod(page.chunked)
     if not len(offsets) == len(counts) == expected:
-        raise ValueError(
-            f"found {len(offsets)} strips and the sizes of {len(counts)}, expected {expected}"
-        )
+        raise ValueError(f"found {len(offsets)} strips, {len(counts)} sizes, expected {expected}")
     end = max(map(operator.add, offsets, counts))
     if end > size:
         raise ValueError(f"found {size} bytes, expected {end}: truncated")

@@ -73,9 +73,7 @@ class Mesh:
                 f"{len(triangles) * 380 / 1e9:.1f} GB), expected at most {LARGEST}: simplify it"
             )
         if triangles.min() < 0 or triangles.max() >= len(vertices):
-            raise ValueError(
-                f"{what}: triangles: found vertex {triangles.max()}, expected those given"
-            )
+            raise ValueError(f"{what}: triangles: found {triangles.max()}, expected vertices")
         object.__setattr__(self, "vertices", vertices)
         object.__setattr__(self, "triangles", triangles)
         area = np.linalg.norm(self._crosses, axis=1)
@@ -93,9 +91,7 @@ class Mesh:
                 "holes, or make it opaque"
             )
         if self.volume < 0:
-            raise ValueError(
-                f"{what}: found normals that point inward, expected outward: flip the faces"
-            )
+            raise ValueError(f"{what}: found normals inward, expected outward: flip the faces")
 
     def __repr__(self) -> str:
         """Name the sizes; the arrays are too long to print."""

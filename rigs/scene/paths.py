@@ -27,16 +27,13 @@ class Paths:
 
     Attributes
     ----------
-    origins, directions : (N, 3) float64
-        Start and unit direction of each piece, in world coordinates.
-    lengths : (N,) float64
-        Infinite for the last piece of a ray that nothing ends.
+    origins, directions, lengths : (N, 3), (N, 3), (N,) float64
+        Of each piece, in world coordinates; infinite for the last of a ray that nothing ends.
     weight : (N,) float64
         Fraction of the light emitted on the piece that reaches the camera.
     solids : (N,) int64
         Number of the solid that each piece ends at, -1 where nothing is ahead.
     ray_ptr : (rays + 1,) int64
-        Where each ray's pieces begin.
     ends : (rays,) int64
         How each ray ends, as in `rigs.scene.tracing`.
     """

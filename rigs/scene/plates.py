@@ -43,9 +43,7 @@ class _Plate(AnalyticSolid):
         if self.size is not None:
             size = np.asarray(self.size, float)
             if size.shape not in ((), (2,)):
-                raise ValueError(
-                    f"{self.what}: size: found {self.size!r}, expected a diameter or two sides"
-                )
+                raise ValueError(f"{self.what}: size: found {self.size!r}, expected one or two")
             if size.ndim:
                 object.__setattr__(self, "size", tuple(size.tolist()))
         if self.across is None:
@@ -145,9 +143,7 @@ class Window(_Plate):
         """Check every field."""
         super().__post_init__()
         if not math.isfinite(self.thickness):
-            raise ValueError(
-                f"{self.what}: thickness: found {self.thickness!r}, expected a length"
-            )
+            raise ValueError(f"{self.what}: thickness: found {self.thickness}, expected a length")
         if self.beyond is not None:
             index = index_of(self.beyond, f"{self.what}: beyond")
             object.__setattr__(self, "beyond", index)

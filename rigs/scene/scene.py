@@ -90,6 +90,15 @@ class Scene:
         """Whether anything is in the way."""
         return bool(self.solids) or bool(self.gas)
 
+    def check_outside(self, position: NDArray[np.float64], camera: str) -> None:
+        """Raise if a camera stands in a solid."""
+        for solid in self.solids:
+            if solid.contains(position[None])[0]:
+                raise ValueError(
+                    f"{camera}: stands inside solid {solid.name}, expected outside: check the "
+                    "scene's poses, its world (--world) and its unit"
+                )
+
     @property
     def has_mirrors(self) -> bool:
         """Whether a solid reflects, so that a point may have several images."""
@@ -112,21 +121,10 @@ class Scene:
     def paths(
         self, origins: ArrayLike, directions: ArrayLike, region: NDArray[np.float64] = EVERYWHERE
     ) -> Paths:
-        """Return the paths of rays, from the camera on.
+        """Return the paths of rays ``(N, 3)``, from the camera on, outside all solids.
 
-        Parameters
-        ----------
-        origins : (N, 3) array_like
-            Outside all solids, in the medium.
-        directions : (N, 3) array_like
-            Unit vectors.
-        region : (2, 3) float64
-            Lower and upper corner of a box: pieces that miss it are left out.
-
-        Notes
-        -----
-        A ray ends at an opaque face, at total reflection, or after
-        `rigs.scene.paths.MOST_FACES` faces. It goes on for ever where nothing is ahead.
+        Pieces that miss the box ``region`` ``(2, 3)`` are left out. A ray ends at an opaque face,
+        at total reflection, or after `rigs.scene.paths.MOST_FACES` faces, else never.
         """
         origins = rows_of(origins, 3, "origins of rays")
         directions = rows_of(directions, 3, "directions of rays")

@@ -52,12 +52,7 @@ class SceneCamera(OnImage, NearestPinhole):
         object.__setattr__(self, "middle", tuple(middle.tolist()))
         if not isinstance(self.scene, Scene):
             raise ValueError(f"camera {self.name}: scene: found {self.scene!r}, expected a Scene")
-        for solid in self.scene.solids:
-            if solid.contains(np.array(self.camera.position)[None])[0]:
-                raise ValueError(
-                    f"camera {self.name}: stands inside solid {solid.name}, expected outside: "
-                    "check the poses and the units of both"
-                )
+        self.scene.check_outside(np.array(self.camera.position), f"camera {self.name}")
 
     has_lens_model = False
     is_pinhole = False
@@ -130,20 +125,10 @@ class SceneCamera(OnImage, NearestPinhole):
     def paths(
         self, uv: ArrayLike | None = None, region: NDArray[np.float64] = EVERYWHERE
     ) -> tuple[Paths, NDArray[np.int64]]:
-        """Return the paths of pixels, and which pixel each belongs to.
+        """Return the paths of pixels ``(N, 2)``, by default all centres, row by row.
 
-        Parameters
-        ----------
-        uv : (N, 2) array_like, optional
-            Pixel coordinates (column, row); by default every pixel's centre, row by row.
-        region : (2, 3) float64
-            Lower and upper corner of a box: pieces that miss it are left out.
-
-        Returns
-        -------
-        paths : Paths
-        pixels : (rays,) int64
-            Number of the pixel in ``uv`` of each ray: those without a direction have none.
+        The second value is the number in ``uv`` of each ray's pixel: those without a direction
+        have none. Pieces that miss the box ``region`` ``(2, 3)`` are left out.
         """
         uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
         origins, directions = self.camera.rays(uv)
@@ -153,11 +138,8 @@ class SceneCamera(OnImage, NearestPinhole):
     def rays(self, uv: ArrayLike | None = None) -> tuple[NDArray, NDArray]:
         """Return the pieces of pixels' paths that pass nearest to the middle; see `paths`.
 
-        Returns
-        -------
-        origins, directions : (N, 3) float64
-            Start and unit direction of the piece; NaN directions where the path ends before it
-            comes nearest to the middle, or the lens has no direction for the pixel.
+        Origins and unit directions ``(N, 3)``; NaN directions where the path ends before it comes
+        nearest to the middle, or the lens has no direction for the pixel.
         """
         uv = pixel_centres(self.image_size) if uv is None else rows_of(uv, 2, "pixel coordinates")
         origins, directions = self.camera.rays(uv)
@@ -173,17 +155,10 @@ class SceneCamera(OnImage, NearestPinhole):
         return origins, directions
 
     def project(self, points: ArrayLike) -> tuple[NDArray, NDArray, NDArray]:
-        """Return the pixel coordinates of world points ``(N, 3)``, seen through the scene.
+        """Return the pixel coordinates of world points, seen through the scene.
 
-        Returns
-        -------
-        uv : (N, 2) float64
-            Pixel coordinates (column, row), inside the image or not; NaN where not valid. One of
-            them where a point has several images.
-        depth : (N,) float64
-            Distance along the optical axis of the nearest pinhole.
-        valid : (N,) bool
-            True where a pixel's path passes through the point.
+        As `Camera.project` does. Valid is a point that a pixel's path passes through: one of its
+        images where there are several. Depth is along the axis of the nearest pinhole.
         """
         points = rows_of(points, 3, "points to project")
         uv = pixels_that_pass(self.camera, self.scene, points)

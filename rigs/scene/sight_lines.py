@@ -14,15 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.compiled import compiled
+from rigs.ray_table.interpolation import STEPS
 from rigs.scene.surfaces import BLOCKS, CYLINDER, PLANE, REFLECTS
 
-_STEPS = 50  # of Newton's method; it takes four or five
 _CLOSE = 1e-9  # radians: the step after which the next one is rounding, as steps square
 _LONGEST = 0.3  # radians of one step; longer ones leave the faces
 
-START = 2  # columns of derivatives by the start's direction
-CENTER = 3  # those by the start's position
-WINDOW = 4  # those by a window: two tilts of its normal, its shift along it, its thickness
+START = 2  # columns of derivatives by the start's direction; three by its position follow
+WINDOW_NUMBERS = ("tilt_1", "tilt_2", "distance", "thickness")
+"""Names of a window's numbers: tilts of its normal towards two directions along it, in radians."""
+
+WINDOW = len(WINDOW_NUMBERS)  # columns by a window
 
 
 def endless(faces: NDArray) -> NDArray:
@@ -47,7 +49,7 @@ def sight_lines(
     `FACE`'s ``across`` and towards ``normal x across`` (radians), a shift along the normal, and
     the thickness. With no rows in ``by_point`` no derivative is written.
     """
-    count = START + CENTER + by_window.shape[2]
+    count = START + 3 + by_window.shape[2]
     at, way, last = np.zeros(3), np.zeros(3), np.zeros(3)
     shift, turn = np.zeros((count, 3)), np.zeros((count, 3))
     miss, step = np.zeros(3), np.zeros(2)
@@ -56,7 +58,7 @@ def sight_lines(
             way[a] = points[i, a] - center[a]
         _normalise(way)
         found = False
-        for _ in range(_STEPS):
+        for _ in range(STEPS):
             _start(center, way, at, last, shift[:START], turn[:START])
             if not _follow(
                 at, last, shift[:START], turn[:START], faces, routes[i], windows, depths
@@ -191,7 +193,7 @@ def _meet(at, way, shift, turn, face, normal, length, bend, window, depth) -> No
     plane through p that moves.
     """
     toward = _dot(way, normal)
-    own = START + CENTER + WINDOW * window
+    own = START + 3 + WINDOW * window
     for k in range(len(shift)):
         height = 0.0
         for a in range(3):
@@ -286,18 +288,18 @@ def _implicit(way, last, shift, by_center, by_point, by_window) -> None:
     """Write the derivatives of the start's direction: the path goes on passing the point."""
     first, second, miss, step = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(2)
     _across(way, first, second)
-    for k in range(CENTER + len(shift) - START):
+    for k in range(3 + len(shift) - START):
         for a in range(3):
-            if k < CENTER:  # the point moves: what is across the path counts
+            if k < 3:  # the point moves: what is across the path counts
                 miss[a] = (1.0 if a == k else 0.0) - last[k] * last[a]
             else:
-                miss[a] = -shift[START + k - CENTER, a]
+                miss[a] = -shift[START + k - 3, a]
         _solve(shift, miss, step)
         for a in range(3):
             change = step[0] * first[a] + step[1] * second[a]
-            if k < CENTER:
+            if k < 3:
                 by_point[a, k] = change
-            elif k < 2 * CENTER:
-                by_center[a, k - CENTER] = change
+            elif k < 6:
+                by_center[a, k - 3] = change
             else:
-                by_window[a, k - 2 * CENTER] = change
+                by_window[a, k - 6] = change

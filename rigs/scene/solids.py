@@ -85,9 +85,7 @@ class AnalyticSolid:
             vector = numbers(getattr(self, name), (3,), f"{self.what}: {name}")
             length = np.linalg.norm(vector)
             if not length > 0:
-                raise ValueError(
-                    f"{self.what}: {name}: found {vector.tolist()}, expected a direction"
-                )
+                raise ValueError(f"{self.what}: {name}: found zeros, expected a direction")
             object.__setattr__(self, name, unit_vector(vector))
         for name in self._LENGTHS:
             length = getattr(self, name)

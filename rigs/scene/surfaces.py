@@ -67,9 +67,7 @@ class Reflecting:
     def __post_init__(self) -> None:
         """Check the fraction."""
         if not 0 < self.reflectivity <= 1:
-            raise ValueError(
-                f"reflectivity: found {self.reflectivity!r}, expected a fraction above 0 up to 1"
-            )
+            raise ValueError(f"reflectivity: found {self.reflectivity}, expected above 0 up to 1")
 
 
 @dataclass(frozen=True)
@@ -91,9 +89,7 @@ class Glass:
         """Check the numbers."""
         object.__setattr__(self, "index", index_of(self.index, "index"))
         if not 0 <= self.extinction < math.inf:
-            raise ValueError(
-                f"extinction: found {self.extinction!r}, expected a number of at least 0"
-            )
+            raise ValueError(f"extinction: found {self.extinction!r}, expected a number >= 0")
 
 
 Material = Opaque | Reflecting | Glass

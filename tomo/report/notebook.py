@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from html import escape
 from typing import Any
 
-from rigs.notebook import facts, framed, some, times
+from rigs.files.text import some
+from rigs.notebook import facts, framed, times
 from tomo.draw.figures import png_bytes
 from tomo.draw.page import embedded, png_of
 from tomo.draw.rig.thumbnails import load_thumbnails

@@ -115,11 +115,18 @@ def fall_of_squares(
 
     It is of first order; matrix ``(P, P)`` and gradient ``(P,)`` are those of `information`.
     """
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix)[free], 1e-300))
-    values, vectors = np.linalg.eigh(matrix[np.ix_(free, free)] * np.outer(scale, scale))
+    scale, values, vectors = scaled_eigen(matrix[np.ix_(free, free)])
     along = vectors.T @ (gradient[free] * scale)
     known = values > 1e-10 * values[-1]
     return float((along[known] ** 2 / values[known]).sum())
+
+
+def scaled_eigen(
+    matrix: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return the scale of each parameter that makes the diagonal 1; eigenvalues, vectors then."""
+    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    return scale, *np.linalg.eigh(matrix * np.outer(scale, scale))
 
 
 def _residuals(
@@ -138,10 +145,7 @@ def _residuals(
 
 
 def normal_equations(
-    scene: Scene,
-    observations: ObservationArrays,
-    freedom: Freedom,
-    huber: NDArray | None = None,
+    scene: Scene, observations: ObservationArrays, freedom: Freedom, huber: NDArray | None = None
 ) -> Normal:
     """Return the normal equations of Gauss and Newton, weighted for Huber's loss."""
     size = freedom.size

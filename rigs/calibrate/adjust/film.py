@@ -25,7 +25,7 @@ _REWEIGHTED = 8  # times, of which the last changes little
 _SMOOTH = 0.4  # error of a cubic prediction over a step; stills held in any pose have 2 and more
 _LEAST_STEP = 0.2  # pixels from picture to picture; less shows no moment
 _KNOTS = (1.5, 2.0, 3.0, 4.0, 6.0, 8.0, 12.0, 16.0)  # pictures from knot to knot that are tried
-_LEAST_PICTURES = 8  # that are predicted from their neighbours, to tell films from stills
+LEAST_PICTURES = 8  # that agree with a film's motion; fewer do by chance
 
 
 def frame_times(frames: Sequence[str]) -> dict[str, float] | None:
@@ -63,7 +63,7 @@ class Film:
             return None
         film = cls(times, float(np.median(np.diff(known))))
         off, step = film._unevenness(observations)
-        if len(step) < _LEAST_PICTURES:
+        if len(step) < LEAST_PICTURES:
             return None
         moved = float(np.median(step))
         is_smooth = float(np.median(off)) < _SMOOTH * moved

@@ -8,7 +8,10 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-_FX, _FY = 6, 7  # places among a camera's numbers
+NUMBERS = ("wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy")
+"""A camera's first numbers: rotation vector (multiplied from the left), translation, its lens."""
+
+FX, FY = NUMBERS.index("fx"), NUMBERS.index("fy")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +47,12 @@ class Freedom:
             if first != camera:
                 place[6 : 6 + len(lens)] = found[first][6 : 6 + len(lens)]
                 free[6 : 6 + len(lens)] = False
-            elif self.square and free[_FX] and free[_FY]:
-                free[_FY] = False
+            elif self.square and free[FX] and free[FY]:
+                free[FY] = False
             place[free] = count + np.arange(int(free.sum()))
             count += int(free.sum())
-            if first == camera and self.square and lens[_FY - 6]:
-                place[_FY] = place[_FX]
+            if first == camera and self.square and lens[FY - 6]:
+                place[FY] = place[FX]
             found.append(place)
         windows = np.zeros(0, bool) if self.windows is None else self.windows
         shared = np.where(windows, count - 1 + np.cumsum(windows), -1)

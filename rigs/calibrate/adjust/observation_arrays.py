@@ -41,14 +41,8 @@ class ObservationArrays:
 
     def where(self, keep: NDArray) -> ObservationArrays:
         """Return the observations where ``keep`` holds, or in the order it gives."""
-        return ObservationArrays(
-            self.camera[keep],
-            self.frame[keep],
-            self.points[keep],
-            self.uv[keep],
-            None if self.velocity is None else self.velocity[keep],
-            None if self.routes is None else self.routes[keep],
-        )
+        rows = {name: each[keep] for name, each in vars(self).items() if each is not None}
+        return replace(self, **rows)
 
     def after(self, delay: NDArray[np.float64]) -> ObservationArrays:
         """Return the observations of points that have moved on for each camera's ``delay``."""

@@ -8,7 +8,7 @@ from itertools import compress
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.film import Film
+from rigs.calibrate.adjust.film import LEAST_PICTURES, Film
 from rigs.calibrate.adjust.initial import SingleCamera
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, image_rows
 
@@ -17,7 +17,6 @@ _BEHIND = 1e6  # pixels: residual of a point behind the camera, larger than any 
 _NOT_IN_STEP = 2.0  # pixels of median residual, above which other delays are tried in a film
 _IN_STEP = 0.5  # of that residual must be left at most, or the delay is not believed
 _LONGEST_DELAY = 250  # pictures
-_LEAST_SHARED = 8  # frames that overlap at a delay; fewer agree by chance
 _FAR_OFF = 40.0  # pixels of median residual; beyond it two cameras did not see one scene
 
 
@@ -106,7 +105,7 @@ def _delayed(
     for step in sorted(range(-most, most + 1), key=abs):
         delay = step * film.spacing
         found = _relative_pose(
-            views[a], views[b], a, b, images, film.partners(delay), _LEAST_SHARED
+            views[a], views[b], a, b, images, film.partners(delay), LEAST_PICTURES
         )
         if found is not None and found[3] < best[1][3]:
             best = delay, found

@@ -58,9 +58,7 @@ def _aligned(
     given, found = np.reshape(targets, (-1, 3)), np.reshape(places, (-1, 3))
     for points in (given, found):
         if are_on_a_line(points):
-            raise ValueError(
-                f"world: found {len(points)} positions, expected at least 3 that are not on a line"
-            )
+            raise ValueError(f"world: found {len(points)} positions, expected 3 not on a line")
     R, t, size = motion_between(found, given, rescale)
     misfit = np.sqrt((((size * found @ R.T + t) - given) ** 2).sum(axis=1).mean())
     extent = np.sqrt(((given - given.mean(axis=0)) ** 2).sum(axis=1).mean())

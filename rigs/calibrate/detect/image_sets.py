@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from rigs.files.text import some
 from rigs.recordings import (
     CONTAINER_SUFFIXES,
     FILM_SUFFIXES,
@@ -272,8 +273,7 @@ def _contents(folder: Path) -> str:
     inside = [path for path in folder.iterdir() if not path.name.startswith(".")]
     kinds = {path.suffix.lower() or path.name for path in inside if path.is_file()}
     kinds |= {f"folder {path.name}" for path in inside if path.is_dir()}
-    named = sorted(kinds)
-    return ", ".join(named[:4]) + (", ..." if len(named) > 4 else "") if named else "it is empty"
+    return some(sorted(kinds)) or "it is empty"
 
 
 def _grey(image: NDArray, name: str, blue_first: bool = False) -> NDArray:

@@ -9,14 +9,15 @@ from numpy.typing import NDArray
 
 from rigs.calibrate.observations import Observations
 from rigs.calibrate.quality.quality import Quality
+from rigs.calibrate.quality.windows import MISFIT
 from rigs.check.lines_of_sight import finite_rms
+from rigs.files.text import some
 from rigs.geometry.points import SILENT
 
 # Limits above which a figure becomes a finding; lower ones would warn of sound calibrations
 _CAMERA_CONTRADICTS = 2.0  # standard deviations, a camera's contradiction
 _MORE_THAN_OTHERS = 1.4  # ratio to the other cameras' contradiction, to name one alone
 _FRAME_CONTRADICTS = 2.5  # standard deviations, a frame's contradiction
-_LENS_MISFIT = 4.0  # standard deviations, a given lens's misfit
 _HIGH = 2.0  # ratio of one camera's residual, or the halves' difference, to what is usual
 _HIGH_FRAME = 3.0  # ratio to the usual residual, one frame
 _HIGH_NOISE = 1.0  # pixels
@@ -148,8 +149,7 @@ def _left_out(
             where = [frames[frame] for frame in np.unique(observations.frame[single])]
             line = (
                 f"camera {name}: {int(single.sum())} of {int(own.sum())} points left out, "
-                f"detected in the wrong place in frames {', '.join(where[:5])}"
-                + (f" and {len(where) - 5} more" if len(where) > 5 else "")
+                f"detected in the wrong place in frames {some(where)}"
             )
             many = single.sum() > _MANY_POINTS * own.sum()
             (warnings if many and not harmless else notes).append(line)
@@ -239,7 +239,7 @@ def _bad_images(
                 f"{usual:.2g} px: blur, or a lens beyond its model"
             )
         misfit = quality.lens_misfit[camera]
-        if misfit > _LENS_MISFIT and misfit * noise >= least[camera]:
+        if misfit > MISFIT and misfit * noise >= least[camera]:
             also = "" if offsets is None else f"; it is {offsets[camera]}"
             lines.append(
                 f"camera {name}: its {held} does not fit what it saw "

@@ -7,15 +7,13 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.calibrate.adjust.bundle import fall_of_squares, information
-from rigs.calibrate.adjust.freedom import Freedom
+from rigs.calibrate.adjust.bundle import fall_of_squares, information, scaled_eigen
+from rigs.calibrate.adjust.freedom import FX, NUMBERS, Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, predicted
 from rigs.rig import Rig
+from rigs.scene.sight_lines import WINDOW_NUMBERS
 
 _UNKNOWN_FOCAL_LENGTH = 0.2  # relative standard deviation; above it the focal length is a guess
-WINDOW_NUMBERS = ("tilt_1", "tilt_2", "distance", "thickness")
-"""Names of a window's numbers: tilts of its normal towards two directions along it, in radians."""
-
 SINGULAR = 1e-13  # relative least eigenvalue of the normal equations; below it is rounding
 
 
@@ -37,8 +35,7 @@ def covariance_of(
     variance = float((residuals**2).sum()) / (residuals.size - unknowns)
     if not len(matrix):
         return float(np.sqrt(variance)), matrix
-    scale = 1 / np.sqrt(np.maximum(np.diag(matrix), 1e-300))
-    values, vectors = np.linalg.eigh(matrix * np.outer(scale, scale))
+    scale, values, vectors = scaled_eigen(matrix)
     if values[0] < SINGULAR * values[-1]:
         weakest = int(np.argmax(np.abs(vectors[:, 0])))
         camera, name = labels(rig.names, freedom, scene.windows)[weakest]
@@ -67,7 +64,7 @@ def labels(
     found: list[tuple[str, str]] = [("", "")] * freedom.size
     for camera, name in enumerate(names):
         coefficients = [f"c{i}" for i in range(len(freedom.lens[camera]) - 4)]
-        own = ["wx", "wy", "wz", "tx", "ty", "tz", "fx", "fy", "cx", "cy", *coefficients, "time"]
+        own = [*NUMBERS, *coefficients, "time"]
         for place, label in zip(freedom.places[camera], own, strict=False):
             if place >= 0 and not found[place][0]:
                 found[place] = name, label
@@ -82,10 +79,8 @@ def focal_errors(scene: Scene, freedom: Freedom, covariance: NDArray) -> NDArray
     """Return the larger relative standard deviation of each camera's two focal lengths."""
     errors = np.zeros(len(scene.lenses))
     for camera, places in enumerate(freedom.places):
-        for column in (6, 7):  # fx, fy
-            at = places[column]
+        for at, focal in zip(places[FX:], np.diag(scene.lenses[camera].matrix)[:2], strict=False):
             if at >= 0:
-                focal = scene.lenses[camera].matrix[column - 6, column - 6]
                 errors[camera] = max(errors[camera], np.sqrt(covariance[at, at]) / focal)
     return errors
 

@@ -218,7 +218,4 @@ def _with_richest_lens(scene: Scene, freedom: Freedom, camera: int) -> tuple[Sce
     if lenses[camera].model != "fisheye":
         lenses[camera] = lenses[camera].with_model("tilted")
     free[camera] = np.r_[free[camera][:4], np.ones(lenses[camera].size - 4, bool)]
-    return (
-        replace(scene, lenses=tuple(lenses)),
-        replace(freedom, lens=tuple(free), common=None),
-    )
+    return (replace(scene, lenses=tuple(lenses)), replace(freedom, lens=tuple(free), common=None))

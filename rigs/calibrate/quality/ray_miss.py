@@ -8,14 +8,13 @@ from numpy.typing import NDArray
 from rigs.calibrate.adjust.freedom import Freedom
 from rigs.calibrate.adjust.observation_arrays import ObservationArrays, Scene, rays_by_camera
 from rigs.calibrate.quality.covariance import root_of
+from rigs.check.resolved_wavelength import SAMPLE
 from rigs.figures import Accuracy
 from rigs.files.text import plain
-from rigs.geometry.points import box_points
+from rigs.geometry.points import ALONG, box_points
 from rigs.rig import Rig, Volume
 
-_GRID = 9  # points along each side of the box
 _BLOCK = 64  # points at a time; more need more memory
-_POINTS = 100  # of the volume; six motions need far fewer, more take time
 _APART = 1e-3  # least ratio of singular values at which motions differ
 _DIGITS = 3  # significant ones, in files
 
@@ -85,7 +84,7 @@ def evaluation_points(
         return np.zeros((0, 3)), np.zeros((len(rig), 0), bool)
     if volume is not None:
         corners = volume.corners()
-        points = box_points(corners[0], corners[-1], _GRID)
+        points = box_points(corners[0], corners[-1], ALONG)
     else:
         points = _swept(scene, observations)
     seen = views(rig, points)
@@ -111,7 +110,7 @@ def _swept(scene: Scene, observations: ObservationArrays) -> NDArray[np.float64]
         observations, frames = observations.where(shared), frames[shared]
     positions = np.einsum("nij,nj->ni", scene.target_R[frames], observations.points)
     positions += scene.target_t[frames]
-    grid = box_points(positions.min(axis=0), positions.max(axis=0), _GRID)
+    grid = box_points(positions.min(axis=0), positions.max(axis=0), ALONG)
     try:
         inside = Delaunay(positions[:: max(1, len(positions) // 3000)]).find_simplex(grid) >= 0
     except QhullError:
@@ -136,7 +135,7 @@ def camera_accuracies(
     Publications on Geodesy 5 (1973)). ``points`` ``(points, 3)`` are spread over the volume;
     ``seen`` is ``(cameras, points)``.
     """
-    some = slice(None, None, len(points) // _POINTS + 1)
+    some = slice(None, None, len(points) // SAMPLE + 1)
     points, seen = points[some], seen[:, some]
     middle, root = points.mean(axis=0), root_of(covariance)
     axes, centers = np.eye(3), scene.centers()

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from rigs.calibrate.adjust.freedom import Freedom
     from rigs.calibrate.refraction.refraction import Refraction
 
-_FAR_OFF = 4.0  # standard deviations of what was given; one in 16 000 is farther by chance
+MISFIT = 4.0  # standard deviations of what was given; one in 16 000 is farther by chance
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class AdjustedWindow:
             (abs(change) / prior if prior > 0 else 0.0, name)
             for name, change, prior in zip(names, self.changes, self.priors, strict=True)
         )
-        if off <= _FAR_OFF:
+        if off <= MISFIT:
             return None
         return (
             f"window {self.name}: its {name} is {off:.2g} standard deviations from the one given: "

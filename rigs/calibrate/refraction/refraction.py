@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from rigs.geometry.rotation import matrix_of_vector
 from rigs.scene.plates import Window
 from rigs.scene.scene import Scene
-from rigs.scene.sight_lines import CENTER, WINDOW, endless, sight_lines
+from rigs.scene.sight_lines import WINDOW, endless, sight_lines
 from rigs.scene.solids import Solid, vector_of
 from rigs.scene.surfaces import BLOCKS, perpendicular
 
@@ -87,26 +87,12 @@ class WindowPrior:
 
 @dataclass(frozen=True, eq=False)
 class Refraction:
-    """A scene in front of the cameras of an adjustment.
+    """A scene in front of the cameras of an adjustment, as it stands and as it was ``given``.
 
-    A window that is adjusted has four numbers: tilts of its normal about its ``point`` towards
-    the two directions along it (radians), its place along the normal, and its thickness.
-
-    Parameters
-    ----------
-    scene : Scene
-        As it stands.
-    given : Scene
-        As it was measured beforehand.
-    priors : tuple of WindowPrior
-        Of the windows that are adjusted; lengths in the unit of both scenes.
-    noise : float
-        Standard deviation of a pixel coordinate: it says what a prior weighs in squared pixels.
-
-    Raises
-    ------
-    ValueError
-        If a prior names no window of the scene, or one twice.
+    A window that is adjusted (``priors``; lengths in the unit of both scenes) has four numbers:
+    tilts of its normal about its ``point`` towards the two directions along it (radians), its
+    place along the normal, and its thickness. ``noise``, the standard deviation of a pixel
+    coordinate, says what a prior weighs in squared pixels.
     """
 
     scene: Scene
@@ -211,15 +197,6 @@ class Refraction:
             priors=priors,
         )
 
-    def check_outside(self, center: NDArray[np.float64], camera: str = "a camera") -> None:
-        """Raise if a camera stands in a solid."""
-        for solid in self.scene.solids:
-            if solid.contains(center[None])[0]:
-                raise ValueError(
-                    f"{camera}: stands inside solid {solid.name}, expected outside: check the "
-                    "scene's poses, its world (--world) and its unit"
-                )
-
     @cached_property
     def _tables(self) -> tuple[NDArray, NDArray, NDArray]:
         """Endless faces, the number of each one's adjusted window, and its depth in it."""
@@ -245,33 +222,27 @@ class Refraction:
         return np.flatnonzero((self.faces["solid"] == number) & (self.faces["action"] != BLOCKS))
 
     def directions(
-        self,
-        center: NDArray[np.float64],
-        points: NDArray[np.float64],
-        routes: NDArray[np.int64],
+        self, center: NDArray[np.float64], points: NDArray[np.float64], routes: NDArray[np.int64]
     ) -> NDArray[np.float64]:
         """Return the unit directions ``(N, 3)`` in which points are seen from ``center``.
 
         NaN where no path along the point's route (`routes_to`) passes it.
         """
-        found, none = np.zeros((len(points), 3)), np.zeros((0, CENTER, CENTER))
+        found, none = np.zeros((len(points), 3)), np.zeros((0, 3, 3))
         sight_lines(
             center, points, self.faces, routes, *self._tables[1:], found, none, none,
-            np.zeros((0, CENTER, 0)),
+            np.zeros((0, 3, 0)),
         )  # fmt: skip
         return found
 
     def derivatives(
-        self,
-        center: NDArray[np.float64],
-        points: NDArray[np.float64],
-        routes: NDArray[np.int64],
+        self, center: NDArray[np.float64], points: NDArray[np.float64], routes: NDArray[np.int64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
         """Return `directions`, and derivatives by center, points ``(N, 3, 3)`` and windows."""
         count = len(points)
         found = np.zeros((count, 3))
-        by_center, by_point = np.zeros((2, count, CENTER, CENTER))
-        by_window = np.zeros((count, CENTER, self.size))
+        by_center, by_point = np.zeros((2, count, 3, 3))
+        by_window = np.zeros((count, 3, self.size))
         sight_lines(
             center, points, self.faces, routes, *self._tables[1:], found, by_center, by_point,
             by_window,

@@ -28,14 +28,9 @@ def routes_to(
     The first path goes straight towards the point; the next one takes the direction in which the
     point is seen along that path's faces, until the faces remain the same. Routes ``(N, R)`` are
     numbers of faces in order from the camera, then -1; ends ``(N,)`` are `PASSES`, `HIDDEN`,
-    `REFLECTED` or `NONE`.
-
-    Raises
-    ------
-    ValueError
-        If the camera stands in a solid, or light passes glass that is given as triangles.
+    `REFLECTED` or `NONE`. Glass of triangles is refused.
     """
-    refraction.check_outside(center)
+    refraction.scene.check_outside(center, "a camera")
     finite = np.isfinite(points).all(axis=1)
     routes, ends = np.full((len(points), 1), -1), np.full(len(points), NONE)
     waiting, aims = np.flatnonzero(finite), points[finite] - center
@@ -45,7 +40,7 @@ def routes_to(
         origins = np.broadcast_to(center, aims.shape)
         found, end = _traced(refraction, origins, aims, points[waiting])
         width = max(routes.shape[1], found.shape[1])
-        routes, found = _widened(routes, width), _widened(found, width)
+        routes, found = widened(routes, width), widened(found, width)
         same = (routes[waiting] == found).all(axis=1) & (ends[waiting] != NONE)
         routes[waiting], ends[waiting] = found, end
         waiting = waiting[~same]
@@ -56,7 +51,7 @@ def routes_to(
     return routes, ends
 
 
-def _widened(routes: NDArray[np.int64], width: int) -> NDArray[np.int64]:
+def widened(routes: NDArray[np.int64], width: int) -> NDArray[np.int64]:
     """Return routes with more columns of -1."""
     return np.pad(routes, ((0, 0), (0, width - routes.shape[1])), constant_values=-1)
 

@@ -134,9 +134,7 @@ class CharucoBoard(Drawn):
         check_length(self, "square")
         check_length(self, "marker")
         if self.marker >= self.square:
-            raise ValueError(
-                f"marker: found {self.marker:g}, expected less than the square's {self.square:g}"
-            )
+            raise ValueError(f"marker: found {self.marker:g}, expected less than {self.square:g}")
         capacity = len(aruco_dictionary(self.dictionary).bytesList)
         if self.columns * self.rows // 2 > capacity:
             raise ValueError(
@@ -246,9 +244,7 @@ def parse_target(text: str) -> Target:
         raise ValueError(f"target: found {text!r}, expected {form}")
     columns, by, rows = fields[0].partition("x")
     if not (by and columns.isdecimal() and rows.isdecimal()):
-        raise ValueError(
-            f"target: {text}: found {fields[0]!r}, expected COLUMNSxROWS as in {form}"
-        )
+        raise ValueError(f"target: {text}: found {fields[0]!r}, expected COLUMNSxROWS of {form}")
     try:
         return read(int(columns), int(rows), *fields[1:])
     except ValueError as error:

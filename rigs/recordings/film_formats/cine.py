@@ -12,13 +12,13 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
 from rigs.recordings.film_formats.raw_film import bytes_of, pixels_of, read_part
-from rigs.recordings.recording import Reopened, check_index, frame_errors
+from rigs.recordings.recording import Reopened
 
 _FILE = struct.Struct("<2s3HiIiI3I2I")
 _BITMAP = struct.Struct("<IiiHHIIiiII")
-_SETUP_MARK = 140  # bytes into the setup: "ST", then its length
+_SETUP = struct.Struct("<140x2sH")  # up to "ST" and the length
 _TIMES = 1002  # the tagged block with a time for every frame
-_PLAIN, _PACKED_10, _PACKED_12 = 0, 256, 1024  # values of biCompression
+_PACKED = {0: "", 256: "uint10", 1024: "uint12"}  # pixels by biCompression; by their bits for 0
 _MOSAIC = 2  # value of the file's Compression: pixels under colour filters
 _STEPS_OF_10_BITS = (
     "311111111111101111111111111111011111111111111101111111111111110111111111111111101111111111111"
@@ -82,16 +82,14 @@ class Cine(Reopened):
                 f"found {bits} bits a pixel, compression {kind}, expected grey values of 8 or 16 "
                 "bits, not compressed: save the film as raw, not as colours or JPEG"
             )
-        if packing not in (_PLAIN, _PACKED_10, _PACKED_12):
-            raise ValueError(
-                f"found packing {packing}, expected none (0), 10 bits (256) or 12 bits (1024)"
-            )
-        self._packing, self._turned = packing, packing == _PLAIN and height > 0
-        self._type = {_PLAIN: f"uint{bits}", _PACKED_10: "uint10", _PACKED_12: "uint12"}[packing]
+        if packing not in _PACKED:
+            raise ValueError(f"found packing {packing}, expected 0, 256 (10 bits) or 1024 (12)")
+        self._packed, self._turned = _PACKED[packing], not packing and height > 0
+        self._type = self._packed or f"uint{bits}"
         self.n_frames, self.image_size = count, (width, abs(height))
         found = self._read_setup(setup)
         depth = bytes_of(self._type, 8) if packing else (found.bits if bits == 16 else 8)
-        self.bit_depth = 12 if packing == _PACKED_10 else depth if 1 <= depth <= bits else bits
+        self.bit_depth = 12 if self._packed == "uint10" else depth if 1 <= depth <= bits else bits
         self.frame_rate = found.frame_rate if 0 < found.frame_rate < 1e12 else None
         self.is_mosaic = kind == _MOSAIC
         width_of_place = 8 if version else 4
@@ -101,7 +99,7 @@ class Cine(Reopened):
         self.notes = tuple(self._notes(found))
 
     def _read_setup(self, start: int) -> _Setup:
-        mark, length = struct.unpack("<2sH", read_part(self.path, start + _SETUP_MARK, 4))
+        mark, length = _SETUP.unpack(read_part(self.path, start, _SETUP.size))
         if mark != b"ST":
             raise ValueError(f"found {mark!r} in the setup, expected 'ST'")
         setup = read_part(self.path, start, length)
@@ -141,7 +139,7 @@ class Cine(Reopened):
         """Return lines on what the file says of the pixels, which are returned as stored."""
         said = []
         full = 2**self.bit_depth - 1
-        black, white = (64, 4064) if self._packing == _PACKED_10 else (found.black, found.white)
+        black, white = (64, 4064) if self._packed == "uint10" else (found.black, found.white)
         if 0 < black < white <= full or 0 <= black < white < full:
             said.append(
                 f"the film says that black is {black} and white {white} of {full}; pixels are "
@@ -155,28 +153,25 @@ class Cine(Reopened):
             )
         return said
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index):
-            place = int(self._places[index])
-            (start,) = struct.unpack("<I", read_part(self.path, place, 4))
-            if start < 8:
-                raise ValueError(f"found {start} bytes before the pixels, expected 8 or more")
-            (size,) = struct.unpack("<I", read_part(self.path, place + start - 4, 4))
-            width, height = self.image_size
-            row = bytes_of(self._type, width)
-            if not self._packing and size == height * (row + -row % 4):
-                row += -row % 4  # rows of bitmaps may be filled up to four bytes
-            needed = height * row if not self._packing else bytes_of(self._type, width * height)
-            if size < needed:
-                raise ValueError(f"found {size} bytes of pixels, expected {needed}")
-            data = read_part(self.path, place + start, needed)
-            wide = row // bytes_of(self._type, 1) if not self._packing else width
-            image = pixels_of(data, (wide, height), self._type)[:, :width]
-            if self._packing == _PACKED_10:
-                return _linear_codes()[image]
-            return np.ascontiguousarray(image[::-1] if self._turned else image)
+    def _frame(self, index: int) -> NDArray:
+        place = int(self._places[index])
+        (start,) = struct.unpack("<I", read_part(self.path, place, 4))
+        if start < 8:
+            raise ValueError(f"found {start} bytes before the pixels, expected 8 or more")
+        (size,) = struct.unpack("<I", read_part(self.path, place + start - 4, 4))
+        width, height = self.image_size
+        row = bytes_of(self._type, width)
+        if not self._packed and size == height * (row + -row % 4):
+            row += -row % 4  # rows of bitmaps may be filled up to four bytes
+        needed = height * row if not self._packed else bytes_of(self._type, width * height)
+        if size < needed:
+            raise ValueError(f"found {size} bytes of pixels, expected {needed}")
+        data = read_part(self.path, place + start, needed)
+        wide = row // bytes_of(self._type, 1) if not self._packed else width
+        image = pixels_of(data, (wide, height), self._type)[:, :width]
+        if self._packed == "uint10":
+            return _linear_codes()[image]
+        return np.ascontiguousarray(image[::-1] if self._turned else image)
 
 
 def _linear_codes() -> NDArray[np.uint16]:

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
+from rigs.files.text import AT_ONCE
 from rigs.recordings.film_formats.npy import ArrayFilm
 from rigs.recordings.recording import needs
 
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     import h5py
 
 _MARK = b"GCOL\x01\0\0\0"  # a collection of texts, version 1
-_LOOKED_AT = 16 << 20  # bytes at each end of a file: heads and late attributes stand there
 _OBJECT = struct.Struct("<HHIQ")  # number, references, reserved, size
 _MOST_LISTED = 1000  # objects of a file that are looked at for films
 
@@ -161,9 +161,9 @@ def check_heaps(path: str | os.PathLike) -> None:
     """
     with open(path, "rb") as file:
         held = file.seek(0, os.SEEK_END)
-        for start in {0, max(0, held - _LOOKED_AT)}:
+        for start in {0, max(0, held - AT_ONCE)}:
             file.seek(start)
-            content = file.read(_LOOKED_AT)
+            content = file.read(AT_ONCE)
             at = content.find(_MARK)
             while at >= 0:
                 _check_heap(content[at : at + (1 << 16)], start + at)

@@ -18,15 +18,14 @@ from numpy.typing import NDArray
 
 from rigs.compiled import compiled
 from rigs.files.size_guard import check_claim, decompressed, errors_of_libraries
+from rigs.files.text import END
 from rigs.recordings.film_formats.raw_film import pixels_of, read_part
 from rigs.recordings.layout import natural
-from rigs.recordings.recording import FrameError, Reopened, check_index, frame_errors
+from rigs.recordings.recording import Reopened
 
-_HEADER = struct.Struct("<4h4i3h")
-_HEADER_BYTES = 256
+_HEADER = struct.Struct("<4h4i3h226x")  # 256 bytes
 _FORMATS = {-2: "uint8", -3: "float32", -4: "uint16", -5: "float64", 0: "uint16"}
 _PLAIN, _DIFFERENCES, _ZLIB, _PACKED_12 = range(4)  # ways of packing
-_ATTRIBUTES = 1 << 16  # bytes at the end of a file in which the time is looked for
 _TIME = re.compile(rb"AcqTimeSeries(\d{1,3})=(-?\d{1,15}(?:\.\d{1,9})?) \xb5s")
 
 
@@ -39,8 +38,6 @@ class Im7(Reopened):
     that of LaVision's ``ReadIM7.h``: a header of 256 bytes, then the rows of all frames as they
     are, compressed by zlib, packed in 12 bits, or as differences of one nibble or byte.
     """
-
-    frame_rate: float | None = None
 
     def __init__(self, path: str | os.PathLike) -> None:
         self.path = Path(path)
@@ -56,12 +53,12 @@ class Im7(Reopened):
         self.bit_depth = bits.get(self._type)
 
     @cached_property
-    def timestamps(self) -> NDArray[np.float64] | None:
+    def timestamps(self) -> NDArray[np.float64] | None:  # type: ignore[override]
         """Seconds from the start of the series, where every file has them."""
         found = []
         for path in self.paths:
             with open(path, "rb") as file:
-                file.seek(max(0, path.stat().st_size - _ATTRIBUTES))
+                file.seek(max(0, path.stat().st_size - END))
                 said = {int(one): float(time) for one, time in _TIME.findall(file.read())}
             if len(said) < self._each:  # a damaged header may claim billions
                 return None
@@ -69,7 +66,7 @@ class Im7(Reopened):
         return None if None in found else np.array(found) * 1e-6
 
     @cached_property
-    def notes(self) -> tuple[str, ...]:
+    def notes(self) -> tuple[str, ...]:  # type: ignore[override]
         """A line where a file holds several frames: which camera has which."""
         if self._each == 1:
             return ()
@@ -78,20 +75,19 @@ class Im7(Reopened):
             "`step` in scan.yaml choose those of one camera",
         )
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
+    def _path_of(self, index: int) -> Path:
+        return self.paths[index // self._each]
+
+    def _frame(self, index: int) -> NDArray:
         place, number = divmod(index, self._each)
-        with frame_errors(self.paths[place], index), self._lock:
+        with self._lock:
             if self._last[0] != place:
                 size, each, kind, _ = found = _header(self.paths[place])
                 if (size, each, kind) != (self.image_size, self._each, self._type):
-                    raise FrameError(
-                        self.paths[place],
-                        index,
+                    raise ValueError(
                         f"found {each} frames of {size[0]} x {size[1]} {kind} pixels, expected "
                         f"{self._each} of {self.image_size[0]} x {self.image_size[1]} "
-                        f"{self._type}, as in the first file",
+                        f"{self._type}, as in the first file"
                     )
                 self._last = place, _frames(self.paths[place], *found)
             return self._last[1][number].copy()
@@ -109,18 +105,15 @@ def im7_files(path: Path) -> tuple[Path, ...]:
 
 def _header(path: Path) -> tuple[tuple[int, int], int, str, int]:
     """Return image size, number of frames, type of pixels and way of packing."""
-    content = read_part(path, 0, _HEADER_BYTES)
     version, packing, kind, is_sparse, width, height, depth, frames, *_ = _HEADER.unpack(
-        content[: _HEADER.size]
+        read_part(path, 0, _HEADER.size)
     )
     if version != 0 or is_sparse:
         raise ValueError(f"found version {version}, expected 0, as DaVis 7 and later write")
     if kind not in _FORMATS:
         raise ValueError(f"found buffers of kind {kind}, expected grey images, kind -4 or -3")
     if min(width, height, frames) < 1 or depth != 1:
-        raise ValueError(
-            f"found {frames} frames of {width} x {height} x {depth}, expected flat images"
-        )
+        raise ValueError(f"found {frames} frames {width} x {height} x {depth}, expected flat ones")
     if packing not in range(4) or (packing in (1, 3) and _FORMATS[kind] != "uint16"):
         raise ValueError(f"found packing {packing} of kind {kind}, expected 0 to 3")
     return (width, height), frames, _FORMATS[kind], packing
@@ -128,14 +121,14 @@ def _header(path: Path) -> tuple[tuple[int, int], int, str, int]:
 
 def _frames(path: Path, size: tuple[int, int], each: int, kind: str, packing: int) -> NDArray:
     """Return all frames of a file, ``(frames, height, width)``."""
-    stored = path.stat().st_size - _HEADER_BYTES
+    stored = path.stat().st_size - _HEADER.size
     rows = (size[0], size[1] * each)
     claimed = rows[0] * rows[1] * np.dtype(kind).itemsize
     check_claim(claimed, stored)
     shape = (each, size[1], size[0])
     if packing == _PLAIN:
-        return pixels_of(read_part(path, _HEADER_BYTES, claimed), rows, kind).reshape(shape)
-    data = read_part(path, _HEADER_BYTES, stored)
+        return pixels_of(read_part(path, _HEADER.size, claimed), rows, kind).reshape(shape)
+    data = read_part(path, _HEADER.size, stored)
     if packing == _ZLIB:
         (length,) = struct.unpack_from("<I", data)
         if length > len(data) - 4:

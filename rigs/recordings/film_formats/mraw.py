@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
-from rigs.files.text import shortened
+from rigs.files.text import AT_ONCE, shortened
 from rigs.files.xml_file import parse_xml
 from rigs.recordings.film_formats.raw_film import bytes_of, pixels_of, read_part
-from rigs.recordings.recording import Reopened, check_index, frame_errors
+from rigs.recordings.recording import Reopened
 
-_MOST_HEADER = 4 << 20  # bytes; headers have some ten thousand
 _STORED = {8: "uint8", 10: "uint10", 12: "uint12", 16: "uint16"}
 _FIELDS = {
     "width": ("Image Width", "imageDataInfo/resolution/width"),
@@ -41,8 +40,6 @@ class Mraw(Reopened):
     are returned as the 12 bits that were recorded. Frame ``i`` was recorded as number
     ``Start Frame + i Save Step`` after the trigger: its time is that over the record rate.
     """
-
-    notes: tuple[str, ...] = ()
 
     def __init__(self, path: str | os.PathLike) -> None:
         self._given = Path(path)
@@ -96,13 +93,10 @@ class Mraw(Reopened):
                 numbers = _whole(found, "first") + step * np.arange(self.n_frames)
                 self.timestamps = numbers / rate
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index):
-            data = read_part(self.path, index * self._frame_bytes, self._frame_bytes)
-            image = pixels_of(data, self.image_size, self._type)
-            return image >> image.dtype.type(self._shift) if self._shift else image
+    def _frame(self, index: int) -> NDArray:
+        data = read_part(self.path, index * self._frame_bytes, self._frame_bytes)
+        image = pixels_of(data, self.image_size, self._type)
+        return image >> image.dtype.type(self._shift) if self._shift else image
 
 
 def described_by(path: Path) -> Path:
@@ -122,9 +116,9 @@ def described_by(path: Path) -> Path:
 def _fields_of(header: Path) -> dict[str, str]:
     """Return the fields of a header that there are, as text."""
     with open(header, "rb") as file:
-        content = file.read(_MOST_HEADER + 1)
-    if len(content) > _MOST_HEADER:
-        raise ValueError(f"found more than {_MOST_HEADER} bytes, expected a description")
+        content = file.read(AT_ONCE + 1)
+    if len(content) > AT_ONCE:
+        raise ValueError(f"found more than {AT_ONCE} bytes, expected a description")
     text = content.decode("utf-8", "replace")  # comments may be in any encoding
     if header.suffix.lower() == ".cihx":
         start, end = text.find("<cih>"), text.rfind("</cih>")

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import errors_of_libraries
-from rigs.recordings.recording import Reopened, check_index, frame_errors
+from rigs.recordings.recording import Reopened
 from rigs.recordings.still import Still
 
 UNITS = {"s": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
@@ -19,10 +19,6 @@ UNITS = {"s": 1.0, "second": 1.0, "seconds": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 
 
 class ArrayFilm(Reopened):
     """An array ``(frames, height, width)`` of which a frame is read at a time."""
-
-    frame_rate: float | None = None
-    timestamps: NDArray[np.float64] | None = None
-    notes: tuple[str, ...] = ()
 
     def _hold(self, array: Any) -> None:
         """Take an array; refuse one that is no film."""
@@ -33,12 +29,9 @@ class ArrayFilm(Reopened):
         """Return a frame as it is stored."""
         return np.asarray(self._array[index])
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index):
-            frame = self._stored(index)
-            return frame.astype(frame.dtype.newbyteorder("="), order="C", copy=False)
+    def _frame(self, index: int) -> NDArray:
+        frame = self._stored(index)
+        return frame.astype(frame.dtype.newbyteorder("="), order="C", copy=False)
 
     def _seconds(self, times: Any) -> NDArray[np.float64] | None:
         """Return the times in a data set, where it has a unit and one for each frame."""

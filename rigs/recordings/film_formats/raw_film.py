@@ -14,7 +14,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rigs.recordings.recording import Reopened, check_index, frame_errors
+from rigs.recordings.recording import Reopened
 
 PIXEL_TYPES = (
     *("uint8", "uint10", "uint12", "uint16", "uint32", "int8", "int16", "int32"),
@@ -54,9 +54,7 @@ def pixels_of(
     width, height = size
     count = width * height
     if len(data) < bytes_of(pixel_type, count):
-        raise ValueError(
-            f"found {len(data)} bytes, expected {bytes_of(pixel_type, count)}: truncated"
-        )
+        raise ValueError(f"found {len(data)} of {bytes_of(pixel_type, count)} bytes: truncated")
     if pixel_type in _PACKED:
         return _unpacked(data, pixel_type, count).reshape(height, width)
     stored = np.dtype(pixel_type).newbyteorder(BYTE_ORDERS[byte_order])
@@ -139,10 +137,6 @@ class RawLayout:
 class RawFilm(Reopened):
     """The frames in a binary file; see `Recording`."""
 
-    frame_rate: float | None = None
-    timestamps: NDArray[np.float64] | None = None
-    notes: tuple[str, ...] = ()
-
     def __init__(self, path: str | os.PathLike, layout: RawLayout) -> None:
         self.path, self.layout = Path(path), layout
         self.image_size = (layout.width, layout.height)
@@ -161,9 +155,6 @@ class RawFilm(Reopened):
     def _opened_by(self) -> tuple:
         return self.path, self.layout
 
-    def read(self, index: int) -> NDArray:
-        """Return a frame, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index):
-            data = read_part(self.path, self.layout.start_of(index), self.layout.frame_bytes)
-            return pixels_of(data, self.image_size, self.layout.dtype, self.layout.byte_order)
+    def _frame(self, index: int) -> NDArray:
+        data = read_part(self.path, self.layout.start_of(index), self.layout.frame_bytes)
+        return pixels_of(data, self.image_size, self.layout.dtype, self.layout.byte_order)

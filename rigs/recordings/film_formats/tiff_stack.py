@@ -25,10 +25,6 @@ if TYPE_CHECKING:
 class TiffStack(Reopened):
     """The pages of a TIFF or BigTIFF file; see `Recording`."""
 
-    frame_rate: float | None = None
-    timestamps: NDArray[np.float64] | None = None
-    notes: tuple[str, ...] = ()
-
     def __init__(self, path: str | os.PathLike) -> None:
         import tifffile
 

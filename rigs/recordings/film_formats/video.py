@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs.files.size_guard import check_claim, errors_of_libraries
-from rigs.recordings.recording import Reopened, check_index, check_size, frame_errors, needs
+from rigs.recordings.recording import Reopened, needs
 from rigs.recordings.stills import lossy_note
 
 if TYPE_CHECKING:
@@ -70,18 +70,14 @@ class Video(Reopened):
             self.n_frames, self.timestamps = self._indexed()
         self.notes = (lossy_note("a video"),) if self.bit_depth == 8 else ()
 
-    def read(self, index: int) -> NDArray:
-        """Return the luminance of a picture, see `Recording.read`."""
-        check_index(self.path, index, self.n_frames)
-        with frame_errors(self.path, index), self._lock:
+    def _frame(self, index: int) -> NDArray:
+        with self._lock:
             try:
                 picture = self._picture(index)
             except Exception:
                 self.close()  # a decoder that failed is not gone on with
                 raise
-            image = picture.to_ndarray(format=_GREY[self.bit_depth])
-        check_size(self.path, index, image, self.image_size)
-        return image
+            return picture.to_ndarray(format=_GREY[self.bit_depth])
 
     def close(self) -> None:
         """Close the file; reading opens it again."""

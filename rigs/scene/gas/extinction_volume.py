@@ -40,9 +40,7 @@ class VoxelBox:
         values.setflags(write=False)
         spacing = numbers(np.broadcast_to(self.spacing, (3,)), (3,), f"{what}: spacing")
         if not (spacing > 0).all():
-            raise ValueError(
-                f"{what}: spacing: found {spacing.tolist()}, expected numbers above 0"
-            )
+            raise ValueError(f"{what}: spacing: found {spacing.tolist()}, expected positive ones")
         object.__setattr__(self, "values", values)
         object.__setattr__(self, "lower", numbers(self.lower, (3,), f"{what}: lower"))
         object.__setattr__(self, "spacing", spacing)

@@ -14,16 +14,13 @@ from numpy.typing import NDArray
 
 from rigs.files.size_guard import path_inside, read_arrays
 from rigs.files.text import write_bytes
-from rigs.geometry.points import box_points
+from rigs.geometry.points import ALONG, box_points
 from rigs.scene.gas.extinction_volume import ExtinctionVolume
 from rigs.scene.gas.index_field import IndexField
 from rigs.scene.gas.index_volume import IndexVolume
 
 if TYPE_CHECKING:
     from rigs.scene.solids import Solid
-
-_ALONG = 9
-"""Points along each edge of the box that are looked up in solids."""
 
 
 @dataclass(frozen=True)
@@ -53,11 +50,8 @@ class Gas:
     def check(self, solids: Iterable[Solid], medium: float = 1.0) -> None:
         """Raise if the gas does not fit the scene that it is in, of refractive index ``medium``.
 
-        Raises
-        ------
-        ValueError
-            If the index is another one at the box's faces than the scene's, or a solid reaches
-            into the box: rays in it are followed through gas alone.
+        The index is the scene's at the box's faces, and no solid reaches into the box: rays in it
+        are followed through gas alone.
         """
         if self.index is None:
             return
@@ -97,7 +91,7 @@ def reaches_into(solid: Solid, low: NDArray[np.float64], high: NDArray[np.float6
     """Return whether a solid has points in a box, or points of the box are in the solid."""
     points = solid.samples()
     inside = ((points > low) & (points < high)).all(axis=1)
-    return bool(inside.any() or solid.contains(box_points(low, high, _ALONG)).any())
+    return bool(inside.any() or solid.contains(box_points(low, high, ALONG)).any())
 
 
 FINE = 1e-3
@@ -117,15 +111,8 @@ def read_gas(
 ) -> Gas:
     """Return the gas that ``scene: gas:`` of a rig.yaml names, in a medium of that index.
 
-    ``index, extinction`` name files relative to the rig's folder, which they may not leave, see
-    `read_voxels`: ``n``, and ``k`` in 1 / length.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        In one line: the field, the file, what was found, what was expected.
+    ``index, extinction`` name files of `read_voxels` relative to the rig's folder, which they may
+    not leave: ``n``, and ``k`` in 1 / length. Errors name the field and the file.
     """
     found: dict[str, Any] = {}
     for name, file in (("index", index), ("extinction", extinction)):
@@ -154,12 +141,7 @@ def read_voxels(
 
     A ``.npz`` with ``data (nx, ny, nz)``, the centre ``origin (3,)`` of voxel (0, 0, 0),
     ``spacing (3,)`` and perhaps ``length_unit``, as the toolkit writes volumes; a file that names
-    none is taken to be in the unit that is expected.
-
-    Raises
-    ------
-    ValueError
-        If the file is not like that, or in another unit.
+    none is taken to be in the unit that is expected, others than that are refused.
     """
     arrays = read_arrays(path)
     for key in _KEYS:
@@ -172,22 +154,14 @@ def read_voxels(
         raise ValueError(f"length_unit: found {unit}, expected {length_unit} as the rig's")
     origin, spacing = (np.asarray(arrays[key], np.float64) for key in _KEYS[1:])
     if origin.shape != (3,) or spacing.shape not in ((), (3,)):
-        raise ValueError(
-            f"origin, spacing: found shapes {origin.shape}, {spacing.shape}, expected (3,) each"
-        )
+        raise ValueError(f"origin, spacing: found {origin.shape}, {spacing.shape}, expected (3,)")
     return arrays["data"], origin - spacing / 2, np.broadcast_to(spacing, (3,))
 
 
 def write_voxels(
     gas: IndexVolume | ExtinctionVolume, path: str | os.PathLike, length_unit: str
 ) -> None:
-    """Write a box of voxels: `read_voxels` returns its values bit by bit.
-
-    Raises
-    ------
-    ValueError
-        If the gas is a formula, not voxels.
-    """
+    """Write a box of voxels, no formula: `read_voxels` returns its values bit by bit."""
     if not isinstance(gas, IndexVolume | ExtinctionVolume):
         raise ValueError(f"gas: found {type(gas).__name__}, expected voxels to write to a file")
     file = io.BytesIO()

@@ -19,15 +19,12 @@ class Crossing:
 
     Attributes
     ----------
-    origins, directions : (P, 3) float64
-        Where each piece begins, and its unit vector. The first piece of a ray begins where the
-        ray enters the box, or where it starts inside.
-    lengths : (P,) float64
+    origins, directions, lengths : (P, 3), (P, 3), (P,) float64
+        Where each piece begins, from the entry into the box or the start inside, its unit vector.
     ptr : (rays + 1,) int64
         A ray that misses the box has no piece.
     exit_origins, exit_directions : (rays, 3) float64
-        Where a ray leaves the box, and the unit vector along which it goes on; those it came with
-        where it misses the box.
+        Where a ray leaves the box, and along what; as it came where it misses the box.
     trapped : (rays,) bool
         Whether a ray was given up inside, after more steps than any way through takes.
     """

@@ -156,7 +156,7 @@ def test_lists_of_one_length_are_cameras(make_rig, assert_same_views, tmp_path, 
     path = storage_of(tmp_path / f"rig{suffix}", fields)
     assert_same_views(formats.load(path), rig, ("camera0", "camera1", "camera2"))
     path = storage_of(tmp_path / f"short{suffix}", {**fields, R: fields[R][:2]})
-    with pytest.raises(ValueError, match=rf"{R}: found .*, expected a list of 3, one a camera"):
+    with pytest.raises(ValueError, match=rf"{R}: found .*, expected a list of 3"):
         formats.load(path)
 
 

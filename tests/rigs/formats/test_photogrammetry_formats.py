@@ -271,7 +271,7 @@ SCENE = json.dumps(opensfm())
         ("a.sfm", SFM, '"type": "brown"', '"type": []', "view 10: intrinsics 30: type: found []"),
         ("a.sfm", SFM, '"23.5"', '"0"', "view 10: intrinsics 30: sensorWidth, pixelRatio: found"),
         ("p.txt", pix4d(), "0 0 1\n", "", "image DSC 00.JPG: radial distortion: found"),
-        ("p.txt", pix4d() + "a.png 9 7\n", "x", "x", "image a.png: found ['9', '7'] and 0 lines"),
+        ("p.txt", pix4d() + "a.png 9 7\n", "x", "x", "image a.png: found ['9', '7'], 0 lines"),
         ("p.txt", pix4d(), "640 480", "640 wide", "image DSC 00.JPG: imageWidth, imageHeight: fo"),
         ("c.csv", realitycapture()[0], "170.3", "north", "image a.jpg: heading: found 'north'"),
         ("c.csv", realitycapture()[0], "170.3,", "", "found a line of 15 values, expected 16"),

@@ -8,7 +8,7 @@ RAMP = np.arange(12, dtype=np.uint8).reshape(3, 4)
 
 
 def test_a_folder_in_place_of_an_image_is_said_to_be_one(tmp_path):
-    with pytest.raises(ValueError, match=r"found a folder, expected one image.*the mean"):
+    with pytest.raises(ValueError, match=r"found a folder, expected one image"):
         read_image(tmp_path)
 
 

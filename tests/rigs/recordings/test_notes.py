@@ -46,7 +46,9 @@ def test_equal_notes_are_one_line_that_names_cameras_and_counts(tmp_path):
     (note,) = image_notes({"left": [a, b], "mid": [b], "right": [c]})
     assert note.startswith("cameras left, right (2 of 3 images): an orientation tag (4)")
     (note,) = image_notes({f"cam{k}": [a] for k in range(12)})
-    assert note.startswith("cameras cam0, cam1, cam2 and 9 more: an orientation tag (4)")
+    assert note.startswith(
+        "cameras cam0, cam1, cam2, cam3, cam4 and 7 more: an orientation tag (4)"
+    )
 
 
 @pytest.mark.parametrize(

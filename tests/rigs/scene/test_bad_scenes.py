@@ -117,7 +117,7 @@ def inverted(shape):
 
 @pytest.mark.parametrize(
     ("change", "expected"),
-    [(opened, "open edges"), (inverted, "normals that point inward")],
+    [(opened, "open edges"), (inverted, "normals inward")],
 )
 def test_glass_needs_a_closed_mesh_with_outward_normals(load, change, expected):
     change(ball()).export(load.folder / "part.stl")

@@ -96,7 +96,7 @@ def test_ambiguity_is_what_turning_the_drawing_shows(kind, size):
         ("chessboard:9x6:1e3000", "square: found inf, expected a positive length"),
         ("chessboard:999999x6:1", "expected at most 100000 points"),
         ("charuco:5x4:1:DICT_4X4_50", "expected charuco:COLUMNSxROWS:SQUARE:MARKER:DICTIONARY"),
-        ("charuco:5x4:1:2:DICT_4X4_50", "marker: found 2, expected less than the square's 1"),
+        ("charuco:5x4:1:2:DICT_4X4_50", "marker: found 2, expected less than 1"),
         ("charuco:5x4:2:1:DICT_4X4_5", "dictionary: found 'DICT_4X4_5', expected one of DICT_4"),
         ("charuco:50x4:2:1:DICT_4X4_50", "found DICT_4X4_50 with 50 markers, expected at least 1"),
         ("charuco:2x2:2:1:DICT_4X4_50", "expected at least 3x2"),
