@@ -13,7 +13,7 @@ from scipy.sparse.linalg import LinearOperator, aslinearoperator
 
 from rigs.scene.gas import ExtinctionVolume
 from tomo.grid import VoxelGrid
-from tomo.model.effect import Prediction
+from tomo.model.effect import OfOneParameter, Prediction
 from tomo.model.observation import Observation
 
 STEP = 0.05
@@ -22,7 +22,7 @@ the exponential bends."""
 
 
 @dataclass(frozen=True)
-class Absorbing:
+class Absorbing(OfOneParameter):
     """``A(p) x`` through gas of the optical depth ``p``.
 
     Parameters
@@ -37,21 +37,13 @@ class Absorbing:
     own: bool
     sigma: float = 0.3
     parameters = ("depth",)
-    units = ("",)
     shared = True
-    positive = True
-    of_cameras = False
     of_gas = True
-    field_of = None
 
     @property
     def name(self) -> str:
         """What reports call it."""
         return "self-absorption" if self.own else "medium"
-
-    def deviation(self, observation: Observation) -> NDArray[np.float64]:
-        """Return the prior standard deviations, ``(views, 1)``."""
-        return np.full((len(observation.rig), 1), self.sigma)
 
     def columns(self, at: Prediction) -> NDArray[np.float64]:
         """Return the difference of the prediction by a small depth, ``(1, pixels)``."""

@@ -134,6 +134,22 @@ class Effect(Protocol):
         """Return the observation without the effect, ``values`` ``(views, parameters)``."""
 
 
+class OfOneParameter:
+    """What effects of one parameter have in common; as here, images alone change, view by view."""
+
+    sigma: float
+    units: tuple[str, ...] = ("",)
+    shared = False
+    positive = True
+    of_cameras = False
+    of_gas = False
+    field_of: str | None = None
+
+    def deviation(self, observation: Observation) -> NDArray[np.float64]:
+        """Return the prior standard deviations, ``(views, 1)``."""
+        return np.full((len(observation.rig), 1), self.sigma)
+
+
 def image_frame(
     size: tuple[int, int], center: tuple[float, float] | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:

@@ -10,28 +10,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import laplace
 
 from tomo.measurement import NoiseModel
-from tomo.model.effect import Prediction, image_frame
+from tomo.model.effect import OfOneParameter, Prediction, image_frame
 from tomo.model.observation import Images, Observation
 
 
-class _OfImages:
-    """An effect of one parameter a view, on images alone."""
-
-    sigma: float
-    units = ("",)
-    shared = False
-    positive = True
-    of_cameras = False
-    of_gas = False
-    field_of = None
-
-    def deviation(self, observation: Observation) -> NDArray[np.float64]:
-        """Return the prior standard deviations, ``(views, 1)``."""
-        return np.full((len(observation.rig), 1), self.sigma)
-
-
 @dataclass(frozen=True)
-class Gain(_OfImages):
+class Gain(OfOneParameter):
     """``b = exp(p) (A x)``: the logarithm of each view's exposure, aperture and sensitivity.
 
     Parameters
@@ -61,7 +45,7 @@ class Gain(_OfImages):
 
 
 @dataclass(frozen=True)
-class Background(_OfImages):
+class Background(OfOneParameter):
     """``b = A x + p``: a level beside the light of the volume, in the unit of the images.
 
     Parameters
@@ -91,7 +75,7 @@ class Background(_OfImages):
 
 
 @dataclass(frozen=True)
-class FallOff(_OfImages):
+class FallOff(OfOneParameter):
     """``b = (1 - p r²) (A x)``: vignetting, with ``r`` one in the corners of an image.
 
     Parameters
@@ -123,7 +107,7 @@ class FallOff(_OfImages):
 
 
 @dataclass(frozen=True)
-class Blur(_OfImages):
+class Blur(OfOneParameter):
     """``b = A x + p / 2 lap(A x)``: a blur of variance ``p``, in squared pixels, to first order.
 
     A lens out of focus, or a flame that moved while it was exposed. It is not taken out of images,

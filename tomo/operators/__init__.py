@@ -56,7 +56,6 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
             "ON_THE_FLY",
             "SAMPLED_RAYS",
             "STORED",
-            "check_memory",
             "choose_form",
             "estimate_memory",
         ],

@@ -122,32 +122,6 @@ def _sampled_pixels(count: int, most: int) -> tuple[NDArray[np.int64], float]:
     return np.clip(positions + jitter, 0, count - 1).astype(np.int64), count / most
 
 
-def check_memory(
-    cameras: Sequence[CameraLike],
-    grid: VoxelGrid,
-    *,
-    form: str = STORED,
-    supersample: int = 1,
-    aperture_rays: int = 1,
-    midpoints: bool = False,
-    available: int | None = None,
-) -> MemoryNeed:
-    """Refuse a grid that the memory cannot hold, before anything is allocated.
-
-    ``available`` are the bytes that may be used; what the system has free when None.
-
-    Raises
-    ------
-    ValueError
-        If the grid would take more than is available; the message names a grid that fits.
-    """
-    how: dict[str, Any] = {"supersample": supersample, "aperture_rays": aperture_rays}
-    need = estimate_memory(cameras, grid, form=form, **how, midpoints=midpoints)
-    available = available_memory() if available is None else available
-    _refuse_too_large(need, grid, form, available)
-    return need
-
-
 def _refuse_too_large(need: MemoryNeed, grid: VoxelGrid, form: str, available: int) -> None:
     if need.nbytes <= available:
         return
@@ -210,7 +184,8 @@ def choose_form(
     if wanted == STORED or needs_matrix or (wanted == "auto" and stored.nbytes <= available):
         _refuse_too_large(stored, grid, STORED, available)
         return STORED, takes
-    check_memory(cameras, grid, form=ON_THE_FLY, **how, available=available)
+    flying = estimate_memory(cameras, grid, form=ON_THE_FLY, **how)
+    _refuse_too_large(flying, grid, ON_THE_FLY, available)
     return ON_THE_FLY, takes if wanted == "auto" else "asked for"
 
 

@@ -94,10 +94,7 @@ focus_distance=None, aperture_rays=32)
         distance = self.focus_distance
         if distance is not None and not (math.isfinite(distance) and distance > 0):
             raise ValueError(f"focus_distance: found {distance}, expected a number > 0")
-        if not (self.aperture_rays >= 1 and self.aperture_rays % 1 == 0):
-            raise ValueError(
-                f"aperture_rays: found {self.aperture_rays}, expected a whole number >= 1"
-            )
+        rays_of_pixel(1, self.aperture_rays)
 
     @property
     def any(self) -> bool:

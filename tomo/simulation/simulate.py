@@ -18,6 +18,7 @@ from phantoms import Field, sample
 from rigs.progress import Progress, progress_of
 from tomo.grid import VoxelGrid
 from tomo.operators.gpu.names import device_number
+from tomo.rays.pixel_rays import rays_of_pixel
 from tomo.scan import Corrections, Scan
 from tomo.simulation import camera_noise as noises
 from tomo.simulation.effects import Effects
@@ -213,8 +214,7 @@ def check(
     seed: int,
 ) -> None:
     """Check the arguments before any ray is traced."""
-    if supersample < 1 or supersample != int(supersample):
-        raise ValueError(f"supersample: found {supersample}, expected a whole number >= 1")
+    rays_of_pixel(supersample)
     if not isinstance(seed, Integral) or seed < 0:
         raise ValueError(f"seed: found {seed!r}, expected a whole number >= 0")
     if not (math.isfinite(noise) and noise >= 0):

@@ -5,34 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from tomo._compute.jit import compiled
 from tomo.operators.operator import ProjectionOperator
-
-
-@compiled()
-def _merged_counts(ptr, voxel, last_row, row_ptr):
-    """Count the different voxels of every row."""
-    for row in range(len(ptr) - 1):
-        count = 0
-        for slot in range(ptr[row], ptr[row + 1]):
-            if last_row[voxel[slot]] != row:
-                last_row[voxel[slot]] = row
-                count += 1
-        row_ptr[row + 1] = row_ptr[row] + count
-
-
-@compiled()
-def _merge(ptr, voxel, length, row_ptr, place, merged_voxel, merged_length):
-    """Add up the entries of each row that belong to one voxel, in order of first occurrence."""
-    for row in range(len(ptr) - 1):
-        end = row_ptr[row]
-        for slot in range(ptr[row], ptr[row + 1]):
-            v = voxel[slot]
-            if place[v] < row_ptr[row]:
-                place[v] = end
-                merged_voxel[end] = v
-                end += 1
-            merged_length[place[v]] += length[slot]
+from tomo.trace.segments import merge
 
 
 def merged_rows(
@@ -54,13 +28,9 @@ def merged_rows(
             f"projector: found one without a stored matrix, expected a stored one: {method} goes "
             "through stored rows on the CPU: use sart or smart, which take any operator"
         )
-    segments, n_voxels = projector.segments, projector.shape[1]
-    row_ptr = np.zeros_like(segments.ptr)
-    _merged_counts(segments.ptr, segments.voxel, np.full(n_voxels, -1), row_ptr)
-    if row_ptr[-1] == len(segments):
-        return segments.ptr, segments.voxel, segments.length
-    voxel = np.zeros(row_ptr[-1], segments.voxel.dtype)
-    length = np.zeros(row_ptr[-1], segments.length.dtype)
-    place = np.full(n_voxels, -1)
-    _merge(segments.ptr, segments.voxel, segments.length, row_ptr, place, voxel, length)
-    return row_ptr, voxel, length
+    segments = projector.segments
+    given = segments.ptr, segments.voxel, segments.length
+    ptr, voxel, length = (np.zeros_like(one) for one in given)
+    last, done = np.full(projector.shape[1], -1), np.zeros(1, np.int64)
+    merge(*given, last, done, ptr, voxel, length)
+    return given if ptr[-1] == len(segments) else (ptr, voxel[: ptr[-1]], length[: ptr[-1]])

@@ -112,8 +112,8 @@ RAYS_TOGETHER = 16
 """Rays set up at once: fewer wait for divisions and memory, more leave the nearest cache."""
 
 _ORIGIN, _END, _SLABS, _MOST = range(4)
-_A, _B, _C = 4, 9, 14
-_ENTRY, _DIRECTION, _LENGTH = 19, 22, 25
+_A, _B, _C, _ENTRY = range(4, 20, 5)  # five numbers an axis
+_DIRECTION, _LENGTH = range(_ENTRY + 3, _ENTRY + 7, 3)
 
 WIDTH = _LENGTH + 1
 """Numbers kept for a ray."""

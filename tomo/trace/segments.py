@@ -182,7 +182,7 @@ def merging(tracer: Callable[[Rays], Segments], voxels: int) -> Callable[[Rays],
         every = tracer(rays)
         ptr = np.zeros_like(every.ptr)
         voxel, length = np.zeros_like(every.voxel), np.zeros(len(every))
-        _merge(every.ptr, every.voxel, every.length, last, done, ptr, voxel, length)
+        merge(every.ptr, every.voxel, every.length, last, done, ptr, voxel, length)
         kept = int(ptr[-1])
         return Segments(ptr, voxel[:kept].copy(), length[:kept].astype(every.length.dtype))
 
@@ -190,7 +190,7 @@ def merging(tracer: Callable[[Rays], Segments], voxels: int) -> Callable[[Rays],
 
 
 @compiled()
-def _merge(ptr, voxel, length, last, done, merged_ptr, merged_voxel, merged_length) -> None:
+def merge(ptr, voxel, length, last, done, merged_ptr, merged_voxel, merged_length) -> None:
     """Write the merged entries.
 
     ``last`` (voxels,) holds the number of the last entry of each voxel, from ``done[0]`` on those

@@ -235,13 +235,12 @@ def assess(
         progress(2, 3, "resolution")
     first = moved.found[0]
     where = part.inside & (first > EMITTING * first.max())
-    bright = part.inside & (first > EMITTING * first.max())
     own = part.system.projector.active
     width = resolution(
         part.system,
         moved.images,
         own.compress(first),
-        own.compress(bright),
+        own.compress(where),
         part.solve,
         found.pixel,
     )

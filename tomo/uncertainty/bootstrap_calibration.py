@@ -72,7 +72,8 @@ def calibrated(first: Spread, second: Spread, active: ActiveVoxels) -> NDArray[n
     known, tried = (_features(spread, scale, active) for spread in (first, second))
     chosen = slice(None, None, -(-active.size // VOXELS_IN_FIT))
     coefficients = _fitted([feature[chosen] for feature in tried], (known[0] - tried[0])[chosen])
-    found = scale * np.exp(known[0] + _polynomial(known, coefficients))
+    terms = zip(_terms(known), coefficients, strict=True)
+    found = scale * np.exp(known[0] + sum(factor * term for term, factor in terms))
     moved = neighbour_means(first.deviation, WIDTHS[0], active) > 0
     return np.where(moved, found, 0.0)
 
@@ -100,15 +101,6 @@ def _terms(features: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     """Return constant, linear and quadratic terms."""
     pairs = combinations_with_replacement(features, 2)
     return [np.ones_like(features[0]), *features, *(one * other for one, other in pairs)]
-
-
-def _polynomial(
-    features: list[NDArray[np.float64]], coefficients: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    total = np.zeros_like(features[0])
-    for term, coefficient in zip(_terms(features), coefficients, strict=True):
-        total += coefficient * term
-    return total
 
 
 def _fitted(

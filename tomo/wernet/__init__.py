@@ -21,7 +21,7 @@ set_passive_waiting()
 __getattr__, __dir__, __all__ = lazy_loader.attach(
     __name__,
     submod_attrs={
-        "encoder": ["VARIANTS", "Encoder"],
+        "encoder": ["Encoder"],
         "features": ["INPUTS", "OPTICS", "RayFeatures"],
         "files": ["load_encoder", "save_encoder"],
         "image_model": ["ImageModel"],
@@ -29,7 +29,13 @@ __getattr__, __dir__, __all__ = lazy_loader.attach(
         "paper": ["wernet_paper", "wernet_paper_frames"],
         "projection": ["project"],
         "rays": ["RayBatch", "Rays"],
-        "settings": ["PaperSettings", "WernetSettings", "load_settings", "settings_names"],
+        "settings": [
+            "VARIANTS",
+            "PaperSettings",
+            "WernetSettings",
+            "load_settings",
+            "settings_names",
+        ],
         "training": ["TrainingDivergedError", "usable_device"],
         "weights": ["RayWeights"],
         "wernet": ["wernet"],

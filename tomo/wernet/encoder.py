@@ -11,8 +11,7 @@ from torch import nn
 from torch.nn import functional
 
 from tomo.wernet.features import INPUTS, OPTICS
-
-VARIANTS = ("no-bias", "bias-mask", "batch-norm")
+from tomo.wernet.settings import VARIANTS
 
 ROWS = 512
 """Rows are padded to a multiple of it. PyTorch prepares a convolution anew for every number of

@@ -4,7 +4,7 @@ import pytest
 
 from rigs import ring
 from tomo import LinearSystem, VoxelGrid
-from tomo.operators import BYTES_PER_VOXEL, check_memory, choose_form, estimate_memory
+from tomo.operators import BYTES_PER_VOXEL, choose_form, estimate_memory
 
 GRID = VoxelGrid((12, 30, 12), 0.7, (1.0, 2.0, 3.0))
 RIG = ring(
@@ -29,22 +29,23 @@ def test_the_grid_said_to_fit_fits(share, refinement):
     cameras = tuple(RIG)
     need = estimate_memory(cameras, grid)
     available = int(share * need.nbytes)
-    assert check_memory(cameras, grid, available=need.nbytes) == need
+    choose_form(cameras, grid, wanted="stored", available=need.nbytes)
     with pytest.raises(ValueError, match="would take about") as caught:
-        check_memory(cameras, grid, available=available)
+        choose_form(cameras, grid, wanted="stored", available=available)
     message = str(caught.value)
     assert "\n" not in message
     assert message.startswith(f"grid {'x'.join(map(str, grid.shape))}: would take about")
     advice = re.search(r"(\d+)x(\d+)x(\d+) voxels of (\S+) x (\S+) x (\S+) would fit", message)
     if advice is None:
         assert "no grid would fit: use smaller images" in message
-        floor = check_memory(cameras, VoxelGrid((1, 1, 1), tuple(grid.extent), grid.center))
+        floor = estimate_memory(cameras, VoxelGrid((1, 1, 1), tuple(grid.extent), grid.center))
         assert floor.nbytes > 0.7 * available
         return
     shape = tuple(int(n) for n in advice.groups()[:3])
     fits = VoxelGrid.from_bounds(shape, grid.lower, grid.upper)
     assert [float(s) for s in advice.groups()[3:]] == pytest.approx(fits.spacing, rel=1e-3)
-    needed = check_memory(cameras, fits, available=available).nbytes
+    choose_form(cameras, fits, wanted="stored", available=available)
+    needed = estimate_memory(cameras, fits).nbytes
     # nor is the advice needlessly coarse: rounding down costs small grids most
     finer = VoxelGrid.from_bounds(tuple(n + 1 for n in shape), grid.lower, grid.upper)
     assert estimate_memory(cameras, finer).nbytes > 0.6 * available >= 0.6 * needed
@@ -55,7 +56,7 @@ def test_voxels_beyond_any_memory_are_counted_without_overflow():
     need = estimate_memory(tuple(RIG), grid)
     assert need.nbytes == pytest.approx(BYTES_PER_VOXEL * 1e27, rel=1e-6)
     with pytest.raises(ValueError, match="would fit"):
-        check_memory(tuple(RIG), grid)
+        choose_form(tuple(RIG), grid, wanted="stored")
 
 
 def test_the_matrix_is_stored_where_it_fits_and_computed_on_the_fly_where_not():

@@ -13,7 +13,7 @@ import pytest
 
 import rigs
 from tomo import Projector, VoxelGrid
-from tomo.operators import check_memory, choose_form
+from tomo.operators import choose_form
 from tomo.operators.on_the_fly import kernels
 from tomo.operators.on_the_fly.ray_setup import WIDTH
 from tomo.operators.on_the_fly.ray_sources import RayPixels
@@ -138,7 +138,6 @@ def refused():
             calls[f"{side}^3 {form}"] = partial(
                 choose_form, rig, grid, wanted=form, available=64 * 10**9
             )
-        calls[f"{side}^3"] = partial(check_memory, rig, grid, available=10**9)
     huge = VoxelGrid((2**22,) * 3, 1.0)
     ray = Rays.from_lines(huge.lower - 1, [1, 1, 1])
     calls |= {f"{tracer} beyond 2^53": partial(trace, ray, huge, tracer) for tracer in TRACERS}
