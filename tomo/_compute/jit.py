@@ -74,17 +74,12 @@ def compiled(
 ) -> Callable[[Callable], Callable]:
     """Return a decorator that compiles a kernel with IEEE arithmetic.
 
-    Parameters
-    ----------
-    parallel : bool
-        Whether ``numba.prange`` loops run on all cores. Every kernel of the project gives each
-        output element to one iteration, so that results do not depend on the number of threads.
-    inline : bool
-        For small helpers called from inner loops; only compiled code can call them. What calls
-        them is cached with them in it.
-    reassociate : bool
-        Whether sums may be taken in another order, so that a loop over one vectorises; NaN and
-        infinity keep their meaning. The order is fixed by the compiled code, not by the threads.
+    ``parallel``: ``numba.prange`` loops run on all cores. Every kernel of the project gives each
+    output element to one iteration, so that results do not depend on the number of threads.
+    ``inline``: for small helpers called from inner loops; only compiled code can call them, and is
+    cached with them in it. ``reassociate``: sums may be taken in another order, so that a loop
+    over one vectorises; NaN and infinity keep their meaning. The order is that of the compiled
+    code.
     """
     options = dict(_HOW)
     if parallel:

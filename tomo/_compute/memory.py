@@ -29,12 +29,9 @@ _NO_LIMIT = 2**60
 
 
 def left_in_groups(root: Path = _ROOT, own: Path = _OWN) -> int | None:
-    """Return the least number of bytes that a group of this process, or one above it, leaves.
+    """Return the fewest bytes that a group of this process, or one above, leaves; None: no limit.
 
-    None where no group sets a limit, or there are none.
-
-    ``root`` is the folder under which hierarchies are mounted, ``own`` the file that names the
-    groups of the process.
+    ``root`` is the folder of the hierarchies, ``own`` the file that names the process's groups.
     """
     left = (_left_in(folder) for folder in _groups(root, own))
     return min((one for one in left if one is not None), default=None)
@@ -86,25 +83,13 @@ LIBRARIES_TAKE, A_THREAD_TAKES = 2_000_000_000, 75_000_000
 
 
 def available_memory() -> int:
-    """Return the bytes that this process may still take.
-
-    What the system has free, or less where a container, a batch system or ``ulimit -v`` allows
-    less.
-    """
+    """Return the bytes that this process may still take: what is free, or what limits leave."""
     limits = [psutil.virtual_memory().available, left_in_groups(), _left_of_address_space()]
     return max(min(limit for limit in limits if limit is not None), 0)
 
 
 def check_address_space() -> None:
-    """Raise where ``ulimit -v`` allows less than the libraries take.
-
-    Loaded nevertheless, some crash with no word when they cannot have it.
-
-    Raises
-    ------
-    ValueError
-        Saying how much there is, and how much is needed.
-    """
+    """Raise where ``ulimit -v`` allows less than libraries take: some would crash with no word."""
     limit = _address_space()
     needed = LIBRARIES_TAKE + A_THREAD_TAKES * _cores()
     if limit is not None and limit < needed:

@@ -25,8 +25,8 @@ WORTH_WAKING = 100_000.0
 def threads_worth(nanoseconds: float) -> Iterator[None]:
     """Limit parallel loops in the block to as many threads as their work is worth.
 
-    ``nanoseconds`` is the rough time of one parallel loop on one thread. Results must not
-    depend on the number of threads, as with every kernel here.
+    ``nanoseconds`` is the rough time of one loop on one thread. No result may depend on the
+    number.
     """
     threads = numba.get_num_threads()
     worth = max(1, int(nanoseconds / WORTH_WAKING))
@@ -43,24 +43,11 @@ def threads_worth(nanoseconds: float) -> Iterator[None]:
 def run_chunks(
     chunks: Iterable[Chunk], threads: int, worker: Callable[[], Callable[[Chunk], None]]
 ) -> None:
-    """Do all chunks of some work on several threads, this one among them.
+    """Do all chunks of some work on at most so many threads, this one among them.
 
-    With several threads, `numba.get_num_threads` is 1 inside a chunk.
-
-    Parameters
-    ----------
-    chunks : iterable
-        Listed before the first is done.
-    threads : int
-        At most so many; no more than there are chunks.
-    worker : callable
-        Called once on each thread; returns the function that does one chunk there, with memory of
-        its own.
-
-    Raises
-    ------
-    BaseException
-        The first that a thread raised; no chunk begins after it.
+    With several threads, `numba.get_num_threads` is 1 inside a chunk. ``worker`` is called once on
+    each thread; returns the function that does one chunk there, with memory of its own. The first
+    exception of a thread is raised, whatever its kind; no chunk begins after it.
     """
     chunks = list(chunks)
     threads = min(threads, len(chunks))

@@ -79,12 +79,10 @@ UNEVEN = 1e-3
 def write_spectrum(frames: Frames, target: Path) -> None:
     """Write ``power`` ``(frequency, x, y, z)`` into a Zarr group that xarray reads.
 
-    Notes
-    -----
     Segments of a power of two of frames, at most `SEGMENT`, overlap by half; each loses its mean
-    and is windowed by Hann's window; their one-sided periodograms are averaged. The sum over
-    frequencies times their spacing is the variance, but for the window. The same numbers as
-    `scipy.signal.welch`.
+    and is windowed by Hann's window; their one-sided periodograms are averaged, as
+    `scipy.signal.welch` does. The sum over frequencies times their spacing is the variance, but
+    for the window.
 
     P. D. Welch, "The use of fast Fourier transform for the estimation of power spectra", IEEE
     Trans. Audio Electroacoust. 15 (1967), 70-73.

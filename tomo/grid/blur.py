@@ -31,11 +31,11 @@ NANOSECONDS_A_TAP = 0.3  # a tap and voxel, on one thread
 def _blurred(values, voxels, heights, taps, own, along, across, room, out):
     """Add to ``out`` (n,), zeros, the blur of ``values`` (n,) along z, y and x in turn.
 
-    ``voxels`` (runs + 1,) are the first of each run with active ones, ``heights`` (n,) indices
-    along z, ``taps`` (2 * reach + 1,). ``own, along, across`` are `tomo.grid.z_runs.Runs`: those
-    with active voxels from the lowest to the highest; the same as far as a blur along z reaches;
-    those near enough along x, as long as their neighbours need. ``room`` are three buffers of
-    these runs; a run without a gap is not copied into it: its voxels are the run.
+    ``voxels`` (runs + 1,) and ``heights`` (n,) as of `ZRuns`, ``taps`` (2 * reach + 1,).
+    ``own, along, across`` are `tomo.grid.z_runs.Runs`: those with active voxels from the lowest to
+    the highest; as far as a blur along z reaches; those near enough along x, as long as neighbours
+    need. ``room`` are three buffers of these runs; a run without a gap is not copied: its voxels
+    are it.
     """
     reach = len(taps) // 2
     plain, blurred, widened = room

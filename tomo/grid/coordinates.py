@@ -21,13 +21,8 @@ def voxels_of(array: DataArray | Dataset) -> tuple[tuple[int, ...], list[float],
     """Return shape, spacing and centre of the voxels whose centres are the coordinates x, y, z.
 
     Spacing and centre among the attributes, alone or in a mapping ``grid``, are taken where the
-    coordinates agree with them: they are then exact to the last bit. Coordinates may descend.
-
-    Raises
-    ------
-    ValueError
-        If a coordinate is missing, not along one dimension of its name, not finite or not evenly
-        spaced, or stands alone without a spacing.
+    coordinates agree with them: exact to the last bit. Coordinates may descend, and are refused
+    unless each is along one dimension of its name, finite and evenly spaced.
     """
     own: Mapping[str, Any] = array.attrs.get("grid", array.attrs)
     shape, spacing, center = [], [], []

@@ -34,14 +34,10 @@ def interpolated(values: NDArray, grid: VoxelGrid, points: ArrayLike) -> NDArray
 def resampled(values: NDArray, grid: VoxelGrid, other: VoxelGrid) -> NDArray:
     """Return values ``(nx, ny, nz)``, means over the voxels of one grid, on those of another.
 
-    In the precision of the values; integers become float64.
-
-    Notes
-    -----
     Along each axis a new voxel is the mean over ``x - w / 2`` to ``x + w / 2`` about its centre,
     where ``w`` is the larger of both edge lengths: old voxels count by what is common to both.
-    This is the mean where new voxels are larger, which keeps the total, linear interpolation
-    where they are as large or smaller, and changes nothing on the same grid.
+    That keeps the total where new voxels are larger, and is linear interpolation where they are as
+    large or smaller. In the precision of the values; integers become float64.
     """
     found = values
     for axis in range(3):

@@ -48,10 +48,9 @@ def pick_up(runs, voxels, heights, own, number, values) -> None:
 class ZRuns:
     """The runs along z that hold active voxels, from the lowest of each column to the highest.
 
-    ``mask`` (nx, ny, nz) is True where a voxel is active. ``low`` and ``high`` (nx, ny) are the
-    lowest active voxel of a column and the one above the highest, the grid's ``depth`` and zero
-    where there is none ``inside``. ``voxels`` (runs + 1,) are the first active voxel of each run,
-    ``heights`` (n,) the index of every active voxel along z, ``own`` the `Runs` themselves.
+    ``low`` and ``high`` (nx, ny) are a column's lowest active voxel and the one above the highest,
+    the ``depth`` and zero where none is ``inside``. ``voxels`` (runs + 1,) are the first active
+    voxel of each run, ``heights`` (n,) every active voxel's index along z, ``own`` the `Runs`.
     """
 
     def __init__(self, mask: NDArray[np.bool_]) -> None:

@@ -30,16 +30,9 @@ def dark_votes(
 ) -> NDArray[np.uint8]:
     """Return how many views prove each voxel dark, counted up to ``enough`` (to 255): ``shape``.
 
-    Parameters
-    ----------
-    bright : sequence of (height, width) bool
-        True where a pixel is bright or unusable. A box that holds one is not dark.
-    lattices : sequence of Lattice
-    margin : float
-        Pixels by which a voxel's box is grown on every side.
-    beyond : bool
-        Whether what lies beyond an image is as dark as the nearest pixel of its border; else a
-        box that leaves the image is not dark.
+    A box of a voxel, grown by ``margin`` pixels on every side, is dark where no pixel in it is
+    ``bright``, or unusable. If ``beyond``, what lies beyond an image is as dark as the nearest
+    pixel of its border; else a box that leaves the image is not dark.
     """
     votes = np.zeros(shape, np.uint8)
     reach = np.array([margin + lattice.slack for lattice in lattices])

@@ -50,18 +50,13 @@ class Brightness:
         threshold: float | str = "auto",
         noise: Sequence[NoiseModel] | None = None,
     ) -> Self:
-        """Divide the pixels of all views by one threshold.
+        """Divide the pixels of all views by one threshold; noise is estimated where none is given.
 
-        ``widest`` bounds the blur, in pixels: wider than a voxel it would blur the volume.
-        Noise is estimated where none is given.
-
-        Notes
-        -----
         Noise sets the threshold. Where there is none, it is ``DARK`` of the median of the views'
         maxima, which one hot pixel does not change, or the level below which pixels hold ``FAINT``
         of the light, if that is lower. A Gaussian of standard deviation ``s`` divides that of
         white noise by ``2 sqrt(pi) s``; ``s`` is chosen to bring the noise down to the fraction
-        ``DARK``, up to ``widest``.
+        ``DARK``, up to ``widest`` pixels: wider than a voxel it would blur the volume.
         """
         given = [None] * len(images) if masks is None else masks
         if noise is None:
@@ -117,16 +112,13 @@ class Brightness:
         seen: Sequence[NDArray[np.bool_]],
         views: Sequence[int],
     ) -> float:
-        """Return the fraction of all light in ``seen`` that is not ``explained``.
+        """Return the fraction of the ``views``' light in ``seen`` that is not ``explained``.
 
-        Both are one image a view: pixels that see any voxel, and an active one; ``views`` count.
-
-        Notes
-        -----
-        Light counts above the median of the pixels that see no voxel: a level that the camera adds
-        to all pixels is not carved away. Where noise was cut off at zero, dark pixels have the
-        mean ``sigma / sqrt(2 pi)``, which is no light either. Two standard deviations of the sum
-        are taken off: noise alone is no light.
+        Both are one image a view: pixels that see any voxel, and an active one. Light counts above
+        the median of the pixels that see no voxel: a level that the camera adds to all pixels is
+        not carved away. Where noise was cut off at zero, dark pixels have the mean
+        ``sigma / sqrt(2 pi)``, which is no light either. Two standard deviations of the sum are
+        taken off: noise alone is no light.
         """
         light = lost = variance = 0.0
         for view in views:

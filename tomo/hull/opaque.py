@@ -103,13 +103,6 @@ def silhouette(
 def otsu(images: Sequence[NDArray[np.floating]]) -> float:
     """Return the level that parts bright from dark pixels best: the largest variance between.
 
-    Raises
-    ------
-    ValueError
-        If all pixels are alike.
-
-    Notes
-    -----
     Otsu, "A threshold selection method from gray-level histograms", IEEE SMC 9, 1979.
     """
     values = np.sort(np.concatenate([image.ravel() for image in images]).astype(np.float64))

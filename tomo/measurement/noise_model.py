@@ -134,16 +134,8 @@ def estimate_noise(
 def _nines(image, mask, signal, takes_away):
     """Return the mean of ``signal`` and the filter's magnitude for every valid 3 x 3 block.
 
-    A block is valid where all pixels are usable and at most one is zero.
-
-    Parameters
-    ----------
-    image, signal : (height, width) float
-        Both of one type.
-    mask : (height, width) or (0, 0) bool
-        All are usable where it is empty.
-    takes_away : bool
-        Whether the filter is applied to the image less the signal.
+    A block is valid where all pixels are usable (``mask``; all where it is empty) and at most one
+    is zero. ``takes_away``: the filter is applied to the image less the signal.
     """
     height, width = image.shape
     most = (height - 2) * (width - 2)

@@ -121,18 +121,10 @@ def cut_off_level(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float
 class PixelCheck:
     """The pixels of some images that can be used, and what is wrong with the others.
 
-    Attributes
-    ----------
-    masks : tuple of (height, width) bool
-        One a camera: True where a pixel is usable and no outlier.
-    outliers, usable : mapping of str to int
-        Camera to its number of outlier pixels, and of pixels that were usable.
-    below_zero : mapping of str to float
-        Camera to how far its dark regions lie below zero, in image units; only those that do.
-    background : mapping of str to float
-        Camera to the level of its image's uniform background; only cameras that have one.
-    saturated : mapping of str to float
-        Camera to the level that its image was cut off at; only those that were.
+    ``masks`` (height, width) are True where a pixel is usable and no outlier. By camera: how many
+    ``outliers`` there are, and pixels that were ``usable``; where there is such a thing, how far
+    dark regions lie ``below_zero``, the level of a uniform ``background``, and the one at which
+    the image was cut off, ``saturated``, in image units.
     """
 
     masks: tuple[NDArray[np.bool_], ...]

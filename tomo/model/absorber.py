@@ -170,13 +170,9 @@ class Absorber:
     ) -> tuple[float, str]:
         """Return the largest optical depth before the flame, and where the gas is in words.
 
-        ``light`` (nx, ny, nz) is the emission in the voxels of a grid of the same box.
-
-        Notes
-        -----
-        Depths are those along lines from the middle of the light outwards. The mean of the lines'
-        directions, weighted by the depths, has the length 1 where the gas is on one side, and 0
-        where it is all around.
+        ``light`` (nx, ny, nz) is the emission in a grid of the same box. Depths are along lines
+        from its middle outwards; the mean of their directions, weighted by depths, has the length
+        1 where the gas is on one side, and 0 where it is all around.
         """
         ways, size = _directions(DIRECTIONS), np.asarray(self.grid.extent)
         middles = np.indices(light.shape).reshape(3, -1) + 0.5

@@ -68,10 +68,10 @@ def scene_motions(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return what motions and a growth of the scene make of each view, ``(views, 6, 7)``.
 
-    The parameters are those of `tomo.model.Pose`; the modes are three shifts, three turns and a
-    growth about the middle of the light, fitted to the images of the brightest voxels. Also
-    returns ``R``, ``(views, 6, 6)``: ``|R t|`` is the root mean square, over the light, of what
-    the motion ``t`` moves images by.
+    By the parameters of `tomo.model.Pose`; the modes are three shifts, three turns and a growth
+    about the middle of the light, fitted to the images of the brightest voxels. Also ``R``,
+    ``(views, 6, 6)``: ``|R t|`` is the root mean square, over the light, of what the motion ``t``
+    moves images by.
     """
     points, weight = _brightest(observation, volume)
     grid, rig = observation.grid, observation.rig

@@ -28,12 +28,10 @@ hold the scene beside calibrated cameras; more, only these do."""
 def stated_errors(rig: Rig, grid: VoxelGrid, pixel: float = 1.0) -> NDArray[np.float64]:
     """Return standard deviations of the parameters of `tomo.model.Pose`, ``(views, 6)``.
 
-    They are those of each camera's `rigs.Accuracy`. What that lacks follows from the figures of
-    the rig's calibration: the ray-miss at the middle of the grid, and for the magnification the
-    error of the focal length. Where these are missing too it is that of `NOMINAL` for a nominal
-    camera, and zero for others.
-
-    ``pixel`` is the width of a pixel, in those of the images as recorded.
+    Those of each camera's `rigs.Accuracy`. What that lacks follows from the figures of the rig's
+    calibration: the ray-miss at the middle of the grid, and for the magnification the error of the
+    focal length; else it is `NOMINAL` for a nominal camera, and zero for others. ``pixel`` is the
+    width of a pixel, in those of the images as recorded.
     """
     found = []
     for camera, footprint in zip(rig, rig.footprint(grid.center), strict=True):
@@ -119,9 +117,9 @@ class Pose:
     def columns(self, at: Prediction) -> NDArray[np.float64]:
         """Return the changes of the prediction by a pixel, ``(6, pixels)``.
 
-        Shift, roll and zoom take the slopes of the predicted images. A walk takes the projection
-        of the volume that turns the other way: ``(w x (x - c)) . grad f`` about the axis ``w``.
-        Behind glass, or by a mirror, it is what of both looks most like it.
+        Shift, roll and zoom take the slopes of the predicted images, a walk the projection of the
+        volume that turns the other way: ``(w x (x - c)) . grad f`` about the axis ``w``; behind
+        glass, or by a mirror, what of both looks most like it.
         """
         about = [np.asarray(image, np.float64) for image in at.turned]
         parts = []
@@ -173,14 +171,8 @@ def image_motions(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return by how much points' images move: by the parameters of `Pose`, and by the points.
 
-    Of points (N, 3), and the ``middle`` (3,) of the grid.
-
-    Returns
-    -------
-    by_pose : (6, N, 2) float64
-        Roll and zoom of a table of rays are those that a lens would have.
-    by_point : (N, 2, 3) float64
-        Both NaN where a point is not seen.
+    ``(6, N, 2)`` and ``(N, 2, 3)`` of points (N, 3), and the ``middle`` (3,) of the grid; NaN
+    where a point is not seen. Roll and zoom of a table of rays are those that a lens would have.
     """
     uv = np.asarray(camera.project(points)[0])
     by_point = _by_point(camera, uv, points)
@@ -232,9 +224,9 @@ def _misses(
 def _walks(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.float64]:
     """Return what a walk by a pixel is made of: shift, roll, zoom, turns of the volume: (2, 7).
 
-    Turns are about the world's axes, the other way. Glass and mirrors make of a walk a turn
-    about other axes than the camera's own, and motions of its image. The last ones are kept, since
-    the same cameras are asked for again.
+    Turns are about the world's axes, the other way. Glass and mirrors make of a walk a turn about
+    other axes, and motions of its image. The last ones are kept: the same cameras are asked for
+    again.
     """
     if camera.is_straight:
         return np.concatenate([np.zeros((2, 4)), camera.R[[1, 0]]], axis=1)

@@ -35,18 +35,15 @@ def transmission(
 ) -> NDArray[np.floating]:
     """Return the fraction of the light of every segment that leaves the grid: ``(segments,)``.
 
-    ``segments`` are those of ``rays``, with midpoints and one piece a row; rays are paths from the
-    camera on, none of weight zero. ``absorption`` is ``k``, in 1 / length, ``self_absorption`` is
-    ``q``, in 1 / (emission * length). ``emission`` (voxels,) is needed where ``q`` is not zero,
-    and ``extinction`` (voxels,) is in 1 / length. ``outside`` (pieces, 2) are the optical depths
-    of each piece before it enters the grid, and after it leaves it.
+    ``exp(-k d - sum_n (q E_n + k_n) l_n - (q E + k_s) l / 2)``, with ``k`` ``absorption``, in 1 /
+    length, and ``q`` ``self_absorption``, in 1 / (emission * length): ``d`` is the way in the grid
+    from the camera to the segment's midpoint; the sum is over the segments of the path before it.
+    Half of the segment's own depth makes a ray's integral accurate to second order in voxels.
 
-    Notes
-    -----
-    ``exp(-k d - sum_n (q E_n + k_n) l_n - (q E + k_s) l / 2)``: ``d`` is the way in the grid from
-    the camera to the segment's midpoint; the sum is over the segments of the path before it, and
-    half of the segment's own optical depth makes the integral along a ray accurate to second
-    order in the voxel size.
+    ``segments`` are those of ``rays``, with midpoints and one piece a row; rays are paths from the
+    camera on, none of weight zero. ``emission`` (voxels,) is needed where ``q`` is not zero,
+    ``extinction`` (voxels,) is ``k_n``. ``outside`` (pieces, 2) are the optical depths of each
+    piece before it enters the grid, and after it leaves it.
     """
     box = enter_box(rays, grid)
     entry = box.position * grid.spacing - grid.extent / 2  # (pieces, 3)
@@ -74,12 +71,9 @@ def transmission(
 def dimming(segments: Segments, rays: Rays, light: NDArray[np.floating]) -> NDArray[np.floating]:
     """Return the change of every ray by a unit of extinction in each segment: ``(segments,)``.
 
-    ``light`` (segments,) is what arrives of the light of every segment, times the ray's weight.
-
-    Notes
-    -----
-    The derivative of ``sum_s I_s exp(-sum_n k_n l_n - k_s l_s / 2)`` by ``k_n`` is minus ``l_n``
-    times the light that arrives from behind segment ``n``, with half of its own.
+    ``light`` (segments,) is what arrives of every segment's, times the ray's weight. The
+    derivative of ``sum_s I_s exp(-sum_n k_n l_n - k_s l_s / 2)`` by ``k_n`` is minus ``l_n`` times
+    the light that arrives from behind segment ``n``, with half of its own.
     """
     paths, change = rays.paths, np.zeros_like(segments.length)
 
@@ -199,11 +193,7 @@ def attenuating(
 ) -> Tracer:
     """Return the tracer whose lengths are times the fraction of light that arrives.
 
-    ``emission`` (unknowns,) of the active voxels is needed where ``absorption.emission`` is not 0;
-    ``tracer`` and ``active`` as of `tomo.trace.trace`.
-
-    Notes
-    -----
+    ``emission`` (unknowns,) of the active voxels is needed where ``absorption.emission`` is not 0.
     Gas with a given extinction absorbs in all voxels, whether they are active or not: rays are
     then followed through all, and segments in others are left out afterwards.
     """

@@ -127,12 +127,9 @@ class LinearBasis(BasisProjector):
 class OnVoxelMeans(BasisProjector):
     """The operator ``B A C`` that takes voxel means to images by the linear basis ``B A``.
 
-    Its active voxels are those of the linear basis and their neighbours, into which hats reach.
-
-    Notes
-    -----
     ``C``, from voxel means to coefficients (`coefficients_of`), is symmetric, its inverse local.
-    It is computed on the CPU, wherever the linear basis is: products are NumPy's arrays.
+    Active are the basis' voxels and their neighbours, into which hats reach. It is computed on the
+    CPU, wherever the linear basis is: products are NumPy's arrays.
     """
 
     array, takes = ProjectionOperator.array, ProjectionOperator.takes

@@ -155,31 +155,15 @@ def _by_pinhole(
 
 
 def footprint_kernel(edges: NDArray[np.float64], supersample: int = 1) -> Kernel:
-    """Return the kernel, not negative, that blurs projections of voxels to those of hats.
+    """Return the kernel, >= 0 and of sum one, that blurs projections of voxels to those of hats.
 
-    Parameters
-    ----------
-    edges : (3, 2) float64
-        The image of each edge of a voxel, in columns and rows.
-    supersample : int
-        ``n``, rays along each side of a pixel.
-
-    Returns
-    -------
-    offsets : (m, 2) int64
-        Columns and rows from a pixel.
-    weight : (m,) float32
-        The sum is one.
-
-    Notes
-    -----
-    At the frequency ``f``, in periods a pixel, a box with the image edge ``e`` passes
-    ``sinc(f . e)``, the area around each of a pixel's ``n²`` rays
-    ``sinc(f_x / n) sinc(f_y / n)``, and a kernel of weights ``s`` at the offsets ``d``
-    ``sum s cos(2 pi f . d)``. The kernel has the least squared error over the spectrum of a
-    projection of voxels: that of the emission, which falls towards short waves, and its copies
-    around each whole number of periods a voxel, which are the edges of voxels. The second moments
-    count beside it: footprint and area have
+    ``edges`` (3, 2) are the images of each edge of a voxel, in columns and rows; ``supersample``
+    is ``n``. At the frequency ``f``, in periods a pixel, a box with the image edge ``e`` passes
+    ``sinc(f . e)``, the area around each of a pixel's ``n²`` rays ``sinc(f_x / n) sinc(f_y / n)``,
+    and a kernel of weights ``s`` at the offsets ``d`` ``sum s cos(2 pi f . d)``. The kernel has
+    the least squared error over the spectrum of a projection of voxels: that of the emission,
+    which falls towards short waves, and its copies around each whole number of periods a voxel,
+    which are the edges of voxels. The second moments count beside it: footprint and area have
     ``sum s d d' = sum e e' / 12 + I / (12 n²)``. The area of the footprint in each pixel has the
     same moments but lets the copies through.
     """

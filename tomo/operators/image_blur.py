@@ -130,19 +130,11 @@ class ImageBlur(ImageOperator):
     ) -> ImageBlur:
         """Return the blur of the pixels of a rig's images by one kernel a camera.
 
-        Parameters
-        ----------
-        pixels : sequence of (P_v,) int
-            For each camera the flat numbers ``row * width + column`` of the pixels that take
-            part; the others count as dark.
-        kernels : sequence of ((n, 2) int64, (n,) float32)
-            For each camera the pixels that the light of a ray reaches, in columns and rows from
-            its own, and the fraction that reaches each.
-        seen : (pixels,) bool, optional
-            Pixels that take part after all; all when None.
-        keeps_light : bool
-            Whether light that would come from dark pixels is taken to be that of the pixel itself:
-            its weights then sum to one.
+        ``pixels`` are each camera's flat numbers ``row * width + column`` that take part, the
+        others count as dark; ``kernels`` the pixels that the light of a ray reaches, in columns
+        and rows from its own, and the fraction that reaches each. Only ``seen`` (pixels,) take
+        part after all. If it ``keeps_light``, what would come from dark pixels is taken to be that
+        of the pixel itself.
         """
         places = Places.of(rig, pixels, seen)
         found = cls(kernels, places, places)

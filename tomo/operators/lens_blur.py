@@ -72,13 +72,6 @@ def disc_kernel(width: float) -> Kernel:
     """Return the pixels that a disc around a pixel's centre covers, and its fraction in each.
 
     ``width`` is its diameter in pixels; at 0 all light stays in the pixel.
-
-    Returns
-    -------
-    offsets : (n, 2) int64
-        Columns and rows from that pixel.
-    weight : (n,) float32
-        The sum is one.
     """
     reach = math.ceil(width / 2 - 0.5) if width > 1 else 0
     across = min(POINTS_A_PIXEL, max(POINTS_A_DISC // (2 * reach + 1), 1))

@@ -142,15 +142,9 @@ class LinearSystem:
         return cls(projector, rig, tuple(pixels), form, reason)
 
     def with_lens_blur(self, diameter: float) -> LinearSystem:
-        """Return the same equations for lenses out of focus.
+        """Return the same equations for lenses out of focus, see `tomo.operators.lens_blur`.
 
-        ``diameter`` is that of the disc at the grid's centre, see
-        `tomo.operators.lens_blur`.
-
-        Raises
-        ------
-        ValueError
-            If the diameter is not a number above 0, or see `tomo.operators.lens_blur`.
+        ``diameter``, above 0, is that of the disc at the grid's centre.
         """
         blur = lens_blur(self.rig, self.pixels, self.projector.grid, diameter)
         return replace(self, projector=blur @ self.projector)
@@ -160,13 +154,8 @@ class LinearSystem:
     ) -> LinearSystem:
         """Return the same equations for emission that is linear between voxel centres.
 
-        ``supersample`` is that of the equations. ``variances`` are those of a further blur
-        of each camera's image, in squared pixels.
-
-        Raises
-        ------
-        ValueError
-            If the grid's centre is behind a camera, or the blur would not fit in memory.
+        ``supersample`` is that of the equations. ``variances`` are those of a further blur of each
+        camera's image, in squared pixels.
         """
         seen = self.projector.row_sums > 0
         blur = footprint_blur(
@@ -183,20 +172,11 @@ class LinearSystem:
         aperture_rays: int = 1,
         tracer: str = "march",
     ) -> LinearSystem:
-        """Return the same equations for gas that absorbs.
+        """Return the same equations for gas that absorbs, in place of any that they have.
 
-        Parameters
-        ----------
-        absorption : Absorption
-            In place of any that the equations have; none: transparent gas.
-        volume : (nx, ny, nz), optional
-            The mean emission of every voxel; needed where ``absorption.emission`` is not 0.
-        supersample, aperture_rays, tracer
-            Those that the equations were made with.
-
-        Notes
-        -----
-        The fractions hold for segments, before any blur of images: they serve both bases.
+        ``volume`` (nx, ny, nz) is the mean emission of every voxel, needed where
+        ``absorption.emission`` is not 0; the rest are those that the equations were made with. The
+        fractions hold for segments, before any blur of images: they serve both bases.
         """
         grid, active = self.projector.grid, self.projector.active
         emission = None if volume is None else active.compress(volume)
@@ -226,14 +206,10 @@ class LinearSystem:
     ) -> ProjectionOperator:
         """Return the change of the pixels by extinction in every voxel, ``(pixels, voxels)``.
 
-        Of the gas that the equations have, see `with_absorption`; ``unknowns`` is whose
-        light is dimmed.
-
-        Notes
-        -----
-        The derivative of Beer and Lambert's law along the segments (`tomo.operators.absorption`)
-        of one ray a pixel: it steers steps, and four rays take four times as long. Its entries are
-        stored, and have one sign. Gas absorbs in voxels that are not active, too.
+        Of the gas that the equations have, see `with_absorption`; ``unknowns`` is whose light is
+        dimmed. The derivative of Beer and Lambert's law along the segments of one ray a pixel: it
+        steers steps, and four rays take four times as long. Its entries are stored, and have one
+        sign. Gas absorbs in voxels that are not active, too.
         """
         grid, active = self.projector.grid, self.projector.active
         light = active.expand(unknowns).ravel()
@@ -265,13 +241,7 @@ class LinearSystem:
         return silent.reshape(active.grid.shape)
 
     def flatten(self, images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """Return the pixels that take part, view after view: ``(pixels,)``.
-
-        Raises
-        ------
-        ValueError
-            Unless there is one image per camera, each of its camera's size.
-        """
+        """Return the pixels that take part, view after view: ``(pixels,)``; one image a camera."""
         if len(images) != len(self.rig):
             raise ValueError(
                 f"images: found {len(images)}, expected one for each of {len(self.rig)} cameras"
@@ -299,11 +269,8 @@ class LinearSystem:
     def squares(self, sides: Sequence[int]) -> NDArray[np.int64]:
         """Return the number of the square that each pixel that takes part lies in, ``(pixels,)``.
 
-        ``sides`` are the pixels along each side of a square, one number a camera.
-
-        Notes
-        -----
-        Views count by name: the order of the cameras in the rig changes no square's number.
+        ``sides`` are the pixels along each side of a square, one number a camera. Views count by
+        name: the order of the cameras in the rig changes no square's number.
         """
         found, first = [np.zeros(0, np.int64)] * len(self.rig), 0
         for view in sorted(range(len(self.rig)), key=lambda view: self.rig[view].name):

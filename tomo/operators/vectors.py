@@ -32,13 +32,7 @@ ray that grazes the volume move its voxels far; higher slows rays through few vo
 
 
 def check_measured(projector: ProjectionOperator, measured: ArrayLike) -> NDArray[np.float32]:
-    """Return the measured pixels as a flat float32 vector.
-
-    Raises
-    ------
-    ValueError
-        If there are not as many pixels as the operator has rows, or some are not finite.
-    """
+    """Return the measured pixels, as many as rows and finite, as a flat float32 vector."""
     pixels = flat(_as_float32(projector, measured))
     if pixels.shape[0] != projector.shape[0]:
         raise ValueError(
@@ -55,14 +49,10 @@ def check_measured(projector: ProjectionOperator, measured: ArrayLike) -> NDArra
 def check_weights(
     projector: ProjectionOperator, weights: ArrayLike | None
 ) -> NDArray[np.float32] | None:
-    """Return the weights of the pixels in float32, the largest between 1 and 2; None stays None.
+    """Return the weights of the pixels, finite and >= 0, in float32; None stays None.
 
-    A common factor changes no least-squares solution, and a power of two changes no digit.
-
-    Raises
-    ------
-    ValueError
-        If there are not as many weights as pixels, or one is negative or not finite.
+    The largest is between 1 and 2: a common factor changes no least-squares solution, and a power
+    of two changes no digit.
     """
     if weights is None:
         return None
@@ -102,12 +92,7 @@ def multiplicative_start(
 ) -> NDArray[np.float32]:
     """Return a copy of ``start`` (unknowns,), or the constant that gives the sum of the images.
 
-    Voxels that no ray meets start at zero, since no factor would ever change them.
-
-    Raises
-    ------
-    ValueError
-        If the start is negative somewhere, not finite, or of another size than the volume.
+    Negative voxels are refused. Those that no ray meets start at zero: no factor changes them.
     """
     if start is None:
         lengths = projector.row_sums.sum()
@@ -150,12 +135,11 @@ def unit_of(vector: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def damped(sizes: NDArray[np.floating], fraction: float = BARELY_MET) -> NDArray[np.floating]:
-    """Return sizes to divide steps by, each at least a fraction of their median.
+    """Return sizes to divide steps by, each at least a fraction of the median of those above zero.
 
-    The median is that of the sizes above zero; all are 1 where there is none. A ray that grazes
-    the volume has next to no length in it, and the noise of its pixel over so little would throw
-    the few voxels that it meets far off. A larger divisor leaves every solution of consistent
-    equations as it is.
+    All are 1 where there is none. A ray that grazes the volume has next to no length in it, and
+    its pixel's noise over so little would throw the few voxels that it meets far off. Larger
+    divisors leave every solution of consistent equations as it is.
     """
     above = sizes[sizes > 0]
     return np.maximum(sizes, fraction * float(np.median(above)) if len(above) else 1.0)

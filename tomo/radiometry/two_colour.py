@@ -39,15 +39,12 @@ def planck_radiance(wavelength: ArrayLike, temperature: ArrayLike) -> NDArray[np
 def log_ratio(
     inverse: NDArray[np.float64], wavelengths: tuple[float, float], exponent: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the logarithm of the emission's ratio at two wavelengths, and its slope.
+    """Return the logarithm of the ratio of emissions, first over second, and its slope.
 
-    ``inverse`` is ``1 / T`` in 1/K, above 0, by which the slope is; the ratio is first over second
-    wavelength, in nm; absorption is proportional to ``wavelength^-exponent``.
-
-    Notes
-    -----
-    ``ln R = (5 + a) ln(w2 / w1) + ln(exp(c / (w2 T)) - 1) - ln(exp(c / (w1 T)) - 1)`` with the
-    second radiation constant ``c``. Wien's approximation leaves out both ``- 1``.
+    ``ln R = (5 + a) ln(w2 / w1) + ln(exp(c / (w2 T)) - 1) - ln(exp(c / (w1 T)) - 1)`` with
+    ``inverse`` ``1 / T`` in 1/K, above 0, the wavelengths ``w`` in nm, absorption proportional to
+    ``wavelength^-a``, and the second radiation constant ``c``. Wien's approximation leaves out
+    both ``- 1``.
     """
     value = np.full_like(inverse, (5 + exponent) * np.log(wavelengths[1] / wavelengths[0]))
     slope = np.zeros_like(inverse)

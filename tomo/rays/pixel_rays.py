@@ -35,13 +35,8 @@ def points_of_aperture(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the points of the pupil that each position in a pixel looks from, and their weights.
 
-    Returns
-    -------
-    points : (K², M, 2) float64
-        In the unit disc, right and down. Each position has the rule of `rigs.aperture.disc_rule`,
-        turned from position to position: together they are a finer one.
-    weights : (M,) float64
-        Their sum is one.
+    ``(K², M, 2)`` in the unit disc, right and down, and ``(M,)`` of sum one. Each position has the
+    rule of `rigs.aperture.disc_rule`, turned: together they are a finer one.
     """
     several = supersample**2
     if aperture_rays == 1:
@@ -52,13 +47,7 @@ def points_of_aperture(
 
 
 def rays_of_pixel(supersample: int, aperture_rays: int = 1) -> int:
-    """Return how many rays a pixel has.
-
-    Raises
-    ------
-    ValueError
-        If either number is no whole number from one on.
-    """
+    """Return how many rays a pixel has; both numbers have to be whole ones from one on."""
     for name, value in (("supersample", supersample), ("aperture_rays", aperture_rays)):
         if not (value >= 1 and value % 1 == 0):
             raise ValueError(f"{name}: found {value}, expected a whole number >= 1")

@@ -89,12 +89,10 @@ _RAYS_AT_ONCE = 2**19
 def pixels_that_see(camera: CameraLike, grid: VoxelGrid) -> NDArray[np.int64]:
     """Return, ascending, the pixels ``row * width + column`` whose area may see the grid's box.
 
-    Notes
-    -----
-    A pixel is kept when its central ray meets the box grown by ``D tan(a) + b``, where ``D`` is
-    the distance to the box's farthest corner, and ``a`` and ``b`` bound the angle and the distance
-    between a pixel's central ray, where it begins, and those at its corners: none that sees the
-    box is lost, some that miss it narrowly stay.
+    Those whose central ray meets the box grown by ``D tan(a) + b``, where ``D`` is the distance to
+    its farthest corner, and ``a`` and ``b`` bound the angle and the distance between a pixel's
+    central ray and those at its corners: none that sees it is lost, some that miss it narrowly
+    stay.
     """
     if not camera.is_straight:  # its pieces may see the box one behind the other
         return np.arange(math.prod(camera.image_size))

@@ -29,13 +29,10 @@ RUN = 3
 def surely_lower(errors: NDArray[np.float64], others: NDArray[np.float64]) -> bool:
     """Return whether the sum of ``errors`` is below that of ``others`` by more than chance.
 
-    Both are squared errors (blocks,) of the same left-out blocks, by two models.
-
-    Notes
-    -----
-    The differences of the blocks are paired: what both models miss cancels. Their sum must exceed
-    its standard error, ``sqrt(blocks) std(differences)``: the one-standard-error rule (Breiman,
-    Friedman, Stone and Olshen, "Classification and Regression Trees", 1984, section 3.4.3).
+    Both are squared errors (blocks,) of the same left-out blocks, by two models: what both miss
+    cancels. The sum of the differences must exceed its standard error,
+    ``sqrt(blocks) std(differences)``: the one-standard-error rule (Breiman, Friedman, Stone and
+    Olshen, "Classification and Regression Trees", 1984, section 3.4.3).
     """
     less = others - errors
     return bool(less.sum() > math.sqrt(len(less)) * less.std())

@@ -31,12 +31,10 @@ class LeftOut:
     """Pixels to learn from, and left-out pixels that decide whether what was learned is kept.
 
     Every eighth block of pixels is left out, of all images alike, from the volume and from the
-    training of an encoder. With few views all of one view is left out as well: the few would teach
-    what is wrong with each of them, and predict their own pixels by it.
-
-    ``projector`` is that of all pixels, its entries segment lengths; ``held`` (pixels,) is
-    True where a pixel is left out, pixels of one of the ``blocks`` (pixels,) together.
-    ``weights`` (pixels,) are those of the squared residuals.
+    training of an encoder. With few views all of one is left out as well: the few would teach what
+    is wrong with each of them, and predict their own pixels by it. ``projector`` has all pixels,
+    its entries segment lengths; ``held`` (pixels,) are left out, those of one of ``blocks``
+    together.
     """
 
     projector: ProjectionOperator

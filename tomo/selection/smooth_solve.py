@@ -92,18 +92,9 @@ def solve_smoothly(
 ) -> Solution:
     """Solve least squares with a prior on relative curvature, on blobs of some width.
 
-    Parameters
-    ----------
-    measured : (pixels,) float32
-    width : float
-        Standard deviation of the Gaussian basis, in voxels; 0 for none.
-    strength, iterations
-        See `tomo.solvers.curvature`; of strength 0 `tomo.solvers.mlem`, whatever the width.
-    start : (unknowns,) float32
-        See `smooth_start`.
-    weights : (pixels,) float32, optional
-    callback : callable, optional
-        Receives the volume itself, not the coefficients of the blobs.
+    ``width`` is the Gaussian basis' standard deviation in voxels, 0 for none; ``strength`` as of
+    `tomo.solvers.curvature`; 0 is `tomo.solvers.mlem`, whatever the width. ``callback`` receives
+    the volume itself, not the coefficients of the blobs.
     """
     if not strength:
         found = mlem(projector, measured, iterations=iterations, start=start, callback=callback)
@@ -134,8 +125,6 @@ def solve_smoothly(
 def _coefficients(basis: GaussianBasis, volume: NDArray[np.float32]) -> NDArray[np.float32]:
     """Return coefficients ``z`` whose blobs come near a volume, ``G z = x``, in its shape.
 
-    Notes
-    -----
     ``z <- z / (G 1) * G (x / G z)``, from ``z = x``: what `tomo.solvers.mlem` is for images, for a
     blur (Richardson, "Bayesian-based iterative method of image restoration", Journal of the
     Optical Society of America 62 (1972); Lucy, Astronomical Journal 79 (1974)).

@@ -25,15 +25,7 @@ def gaussian(
     *,
     maximum: float | None = None,
 ) -> Images:
-    """Return the images plus white noise whose sigma is ``fraction`` of their maximum.
-
-    ``maximum`` counts as the maximum, for frames of one film.
-
-    Raises
-    ------
-    ValueError
-        If an image is not finite.
-    """
+    """Return the images plus white noise whose sigma is ``fraction`` of their, or the, maximum."""
     parts, finish = _open(images)
     sigma = fraction * (_maximum(parts) if maximum is None else maximum)
     noisy = [part + sigma * rng.standard_normal(part.shape) for part in parts]
@@ -48,17 +40,12 @@ def poisson(
     *,
     maximum: float | None = None,
 ) -> Images:
-    """Return the images, >= 0, with the noise of counted photons and of the read-out.
+    """Return the images, finite and >= 0, with the noise of counted photons and of the read-out.
 
     A value ``v`` becomes ``(Poisson(g v) + read_noise N(0, 1)) / g``, where the gain ``g`` maps
     the images' maximum (see `gaussian`) to ``photons_at_maximum`` detected photons: the scale is
     kept, the variance is ``v / g + (read_noise / g)²``. Read noise, in electrons, may make dark
     pixels negative.
-
-    Raises
-    ------
-    ValueError
-        If an image is negative or not finite.
     """
     parts, finish = _open(images)
     lowest = min(float(part.min()) for part in parts)
@@ -98,11 +85,6 @@ def quantise(images: Images, bits: int, full_scale: float) -> Images:
     uint8 up to 8 of at most 16 bits, uint16 above (12 bits fill 0 to 4095). Values below zero
     become 0 and those above ``full_scale`` the highest integer. In between the error is at most
     half a step, see :func:`dequantise`.
-
-    Raises
-    ------
-    ValueError
-        If ``bits`` or ``full_scale`` is out of range, or an image is not finite.
     """
     step = _step(bits, full_scale)
     parts, finish = _open(images, np.dtype(np.uint8 if bits <= 8 else np.uint16))

@@ -184,15 +184,10 @@ focus_distance=None, aperture_rays=32)
     ) -> NDArray[np.float64]:
         """Return the true weight of every segment over its length, ``(S,)``.
 
-        It is the product of gain, vignetting and absorption. The blur of an aperture is no factor
-        of single segments and is left out. ``segments`` have one pixel of the camera a row, one
-        ray a pixel, and midpoints from the grid's centre; ``emission`` ``(voxels,)`` has one
-        value for each of their voxel numbers.
-
-        Raises
-        ------
-        ValueError
-            If the segments have no midpoints, or self-absorption lacks the emission.
+        The product of gain, vignetting and absorption; the blur of an aperture, no factor of
+        single segments, is left out. ``segments`` have one pixel of the camera a row, one ray a
+        pixel, and midpoints from the grid's centre; self-absorption needs the ``emission``
+        (voxels,).
         """
         if segments.midpoint is None:
             raise ValueError("segments midpoint: found none, expected midpoints")

@@ -32,13 +32,7 @@ if TYPE_CHECKING:
 def field_and_grid(
     field: Field | DataArray, grid: VoxelGrid | None, rig: Rig
 ) -> tuple[Field, VoxelGrid]:
-    """Return the field of an emission, and the grid: its own where none is given, else the rig's.
-
-    Raises
-    ------
-    ValueError
-        If a volume is in another unit of length than the rig, or no grid is known.
-    """
+    """Return the field of an emission, and the grid: the given, its own or the rig's."""
     own = None
     if hasattr(field, "dims"):
         volume = volume_of_data_array(cast("DataArray", field))
@@ -75,14 +69,8 @@ def project_volumes(
 ) -> list[dict[str, NDArray[np.float32]]]:
     """Return the images of some volumes, camera name to ``(h, w)``, one mapping a volume.
 
-    Rays are traced once for all volumes ``(nx, ny, nz)`` on ``fine_grid``, unless the gas
-    absorbs its own light. On a ``device`` they are projected by face crossings whatever the
-    tracer. See `tomo.simulation.simulate_images`.
-
-    Raises
-    ------
-    ValueError
-        If no camera sees the grid.
+    Rays are traced once for all volumes ``(nx, ny, nz)`` on ``fine_grid``, unless the gas absorbs
+    its own light. On a ``device`` they are projected by face crossings whatever the tracer.
     """
     seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}
     total = sum(len(pixels) for pixels in seen.values())
@@ -136,13 +124,7 @@ def _on_device(
 def device_of(
     name: str, rig: Rig, grid: VoxelGrid, fine_grid: VoxelGrid, effects: Effects, supersample: int
 ) -> tuple[Device | None, str]:
-    """Return the device that a simulation is to be computed on, probed; or None, and why.
-
-    Raises
-    ------
-    ValueError
-        See `tomo.operators.gpu.taken_to`.
-    """
+    """Return the device that a simulation is to be computed on, probed; or None, and why."""
     if name == CPU:
         return None, ON_CPU
     seen = {camera.name: effects.pixels_that_see(camera, grid) for camera in rig}

@@ -50,17 +50,10 @@ def sweep_of(
 ) -> Sweep:
     """Return the function that updates a volume from blocks of pixels, one after another.
 
-    Parameters
-    ----------
-    measured : (pixels,)
-    parts : sequence of (P_b,) int64
-        The ascending numbers of each block's pixels.
-    weights : (pixels,), optional
-        The diagonal of ``W``; ones when None.
-    fair : bool
-        Whether a column sum counts as at least the mean over all blocks. Random blocks hardly see
-        some voxels, and would move them by the noise of the few rays that do; views see a voxel
-        or not.
+    ``parts`` are the ascending numbers of each block's pixels; ``weights`` (pixels,) the diagonal
+    of ``W``. ``fair``: a column sum counts as at least the mean over all blocks, since random
+    blocks hardly see some voxels, and would move them by the noise of the few rays that do; views
+    see a voxel or not.
     """
     per_row = _per_row(projector, weights, measured)
     most = None

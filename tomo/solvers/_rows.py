@@ -12,16 +12,11 @@ from tomo.trace.segments import merge
 def merged_rows(
     projector: ProjectionOperator, method: str
 ) -> tuple[NDArray[np.int64], NDArray[np.integer], NDArray[np.floating]]:
-    """Return ``ptr, voxel, length`` of the rows with each voxel at most once in each.
+    """Return ``ptr, voxel, length`` of the stored rows with each voxel at most once in each.
 
     Several rays of one pixel meet the same voxel and leave an entry each. Their sum is the matrix
     entry ``a_pv``; a method that takes ``||a_p||^2`` or ``max a_p`` of the parts instead steps too
     far, by a factor of the number of rays. Without repeats nothing is copied.
-
-    Raises
-    ------
-    ValueError
-        If the projector stores no matrix.
     """
     if projector.matrix is None:
         raise ValueError(

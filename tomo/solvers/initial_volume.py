@@ -20,21 +20,11 @@ def mlos_start(
 ) -> NDArray[np.float32]:
     """Return the multiplicative line-of-sight (MLOS) volume, ``(unknowns,)``, never negative.
 
-    One a column where the images have columns; where the operator computes.
+    ``x = exp(mean_v log(A_v^T b_v / A_v^T 1))`` over the views that see a voxel, scaled to the sum
+    of the images; ``b`` (pixels,) or (pixels, columns), below zero as zero; where the operator
+    computes. It is dim wherever a view is dark: with few views that is most of the way to the
+    volume, where a constant start leaves ghosts in corners that few rays meet.
 
-    The geometric mean of the views' back-projections is dim wherever one of them is dark: with few
-    views it is most of the way to the volume, where a constant start leaves ghosts in corners that
-    few rays meet. The mean of a voxel is over the views that see it. The volume reproduces the sum
-    of the images.
-
-    ``measured`` are (pixels,) or (pixels, columns); pixels below zero count as zero.
-
-    Notes
-    -----
-    ``x = exp(mean_v log(A_v^T b_v / A_v^T 1))``, scaled to the sum of the images.
-
-    References
-    ----------
     Atkinson and Soria, "An efficient simultaneous reconstruction technique for tomographic
     particle image velocimetry", Experiments in Fluids 47 (2009): the multiplicative first guess.
     """

@@ -55,14 +55,9 @@ def drive(
     """Run a solver's generator for at most ``iterations`` updates and record what happens.
 
     The generator yields the state after 0, 1, 2 ... updates; each is passed to ``callback`` as it
-    is, one value an active voxel, on a device where products are computed there. The volume of
-    the solution covers the grid, zero where no voxel is active, in NumPy's array.
-
-    Raises
-    ------
-    ValueError
-        If ``iterations`` is not a whole number or negative, or the first volume that is not dark
-        overflows single precision.
+    is, one value an active voxel, on a device where products are computed there. The volume of the
+    solution covers the grid, zero where no voxel is active, in NumPy's array. ValueError: the
+    first volume that is not dark overflows single precision.
     """
     if not (iterations >= 0 and iterations % 1 == 0):
         raise ValueError(f"iterations: found {iterations}, expected a whole number >= 0")
@@ -157,12 +152,9 @@ SHARED = {
 
 
 def shared_parameters(solver: Callable) -> Callable:
-    """Fill in the paragraphs of `SHARED` that a solver's docstring names in braces.
+    """Fill in the paragraphs of `SHARED` that a solver's docstring names in braces, a line each.
 
-    Examples
-    --------
-    A line ``{measured}`` under Parameters becomes the paragraph of that name; lines indented
-    below it go on with the paragraph.
+    Lines indented below a name in braces go on with its paragraph.
     """
     if solver.__doc__:  # there is none under python -OO
         for name, paragraph in SHARED.items():

@@ -133,12 +133,8 @@ def _repeated(
 ) -> tuple[Spread, NDArray[np.float32], NDArray[np.float32]]:
     """Solve images with new noise from each generator.
 
-    Returns
-    -------
-    Spread
-        Of the volumes, updated one by one: they need not be kept.
-    (pixels,) float32, (unknowns,) float32
-        The first noisy images and their volume.
+    Returns the `Spread` of the volumes, updated one by one: they need not be kept; the first noisy
+    images (pixels,), and their volume (unknowns,).
     """
     count, mean, squares = 0, np.zeros(()), np.zeros(())
     for count, random in enumerate(generators, 1):

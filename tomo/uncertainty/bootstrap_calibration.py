@@ -42,20 +42,12 @@ class Spread:
 
 
 def calibrated(first: Spread, second: Spread, active: ActiveVoxels) -> NDArray[np.float64]:
-    """Return standard deviations corrected for the bias of the bootstrap on this scene.
+    """Return standard deviations (unknowns,), corrected for the bootstrap's bias on this scene.
 
-    ``first`` are repeats around the images, ``second`` around one of the first's noisy images.
-
-    Returns
-    -------
-    (unknowns,) float64
-
-    Notes
-    -----
-    The double bootstrap (Beran, "Prepivoting to reduce level error of confidence sets",
-    Biometrika 74, 1987; Efron and Tibshirani, "An Introduction to the Bootstrap", 1993, chapter
-    18). The second bootstrap treats a noisy set of the first as the first does the measured one,
-    and here the answer is known: it is the first. What is fitted is
+    The double bootstrap (Beran, "Prepivoting to reduce level error of confidence sets", Biometrika
+    74, 1987; Efron and Tibshirani, "An Introduction to the Bootstrap", 1993, chapter 18). The
+    second one's repeats, around one of the first's noisy images, treat these as the first does the
+    measured ones, and here the answer is known: it is the first. What is fitted is
 
         log(first deviation / second deviation) = q(features of the second)
 

@@ -60,14 +60,11 @@ def solve_moved(
     """Move a volume, project it, and solve it with noise of either sign.
 
     ``kept`` (pixels,) is light to add to the part's images, what no volume explains; ``noise``
-    (pixels,) the standard deviation of the part's pixels.
-
-    Notes
-    -----
-    The equivariant bootstrap (Tachella and Pereyra, "Equivariant bootstrapping for uncertainty
-    quantification in imaging inverse problems", AISTATS 2024). What views cannot see, and what
-    smoothing removes, is missing in the volume already: projected and solved again where it is, it
-    comes back as it was. Moved, its detail lies where views miss it.
+    (pixels,) the standard deviation of its pixels. The equivariant bootstrap (Tachella and
+    Pereyra, "Equivariant bootstrapping for uncertainty quantification in imaging inverse
+    problems", AISTATS 2024). What views cannot see, and what smoothing removes, is missing in the
+    volume already: projected and solved again where it is, it comes back as it was. Moved, its
+    detail lies where views miss it.
     """
     projector = part.system.projector
     active = projector.active
@@ -132,16 +129,12 @@ def learned(
     size: float,
     level: float | None,
 ) -> ErrorPattern:
-    """Return the pattern of the errors of some volumes.
+    """Return the pattern of errors of some volumes, (nx, ny, nz) each, in the voxels ``where``.
 
-    ``volumes`` and ``errors`` are (nx, ny, nz) each, ``where`` are the voxels to learn from,
-    ``size`` is the emission's root mean square. The fraction ``level`` of the errors is below
-    the pattern; where it is None, the pattern has their mean square.
-
-    Notes
-    -----
     The logarithm of an error is linear in those of the voxel, of its surroundings' means and of
-    their roughness; least squares. A factor then makes the pattern as large as `level` says.
+    their roughness; least squares. A factor then brings the fraction ``level`` of the errors below
+    the pattern, or, where that is None, makes it their mean square. ``size`` is the emission's
+    root mean square.
     """
     rows = np.concatenate([np.stack([f[where] for f in _features(v, size)]) for v in volumes], 1)
     off = np.concatenate([np.abs(error[where]) for error in errors])

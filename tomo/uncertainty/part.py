@@ -61,10 +61,9 @@ def slab(
 ) -> Part:
     """Return a slab around the middle of the emission; all where that is small or is not stored.
 
-    The slab goes across the axis that the lines of sight are the least along: such rays stay in
-    it, and what the views miss of it is what they miss of the volume.
-
-    ``system`` is on voxel means, ``cuttable`` the projection in the basis that is solved in.
+    It goes across the axis that the lines of sight are the least along: such rays stay in it, and
+    what the views miss of it is what they miss of the volume. ``system`` is on voxel means,
+    ``cuttable`` the projection in the basis that is solved in.
     """
     sight = coverage(system.rig, np.array([system.projector.grid.center])).directions[0]
     axis = int(np.argmin(np.square(sight).sum(axis=0)))

@@ -77,13 +77,7 @@ class RayFeatures:
         device: torch.device | str = "cpu",
         image_scale: float | None = None,
     ) -> RayFeatures:
-        """Return the features of a stored projector, its segments with midpoints.
-
-        Raises
-        ------
-        ValueError
-            If the inputs are unknown.
-        """
+        """Return the features of a stored projector, its segments with midpoints."""
         if inputs not in INPUTS:
             raise ValueError(f"inputs: found {inputs!r}, expected one of {', '.join(INPUTS)}")
         scale, direction = 1.0, np.zeros((projector.shape[0], 0))
@@ -132,8 +126,8 @@ def ray_directions(segments: Segments) -> NDArray[np.float64]:
     """Return the unit vector from each pixel's first segment to its last: ``(pixels, 3)``.
 
     Segments come in the order of travel, so the vectors point away from the camera. A pixel with
-    a single segment, or with segments too near one another, takes the direction of the nearest
-    pixel that has one; a set without any gets zeros.
+    segments too near one another, or one alone, takes the nearest pixel's direction; zeros if
+    none.
     """
     first, last = segments.ptr[:-1], np.maximum(segments.ptr[1:] - 1, segments.ptr[:-1])
     directions = np.zeros((segments.n_pixels, 3))  # (pixels, 3)

@@ -60,13 +60,7 @@ def load_encoder(path: str | Path) -> Encoder:
 
 
 def own_copy(given: str | Path | Encoder, inputs: Sequence[str]) -> Encoder:
-    """Return a copy of an encoder in memory, or that of a file.
-
-    Raises
-    ------
-    ValueError
-        If it sees none of the ``inputs``; see `load_encoder` for files.
-    """
+    """Return a copy of an encoder in memory, or of a file, that sees one of the ``inputs``."""
     encoder = copy.deepcopy(given) if isinstance(given, Encoder) else load_encoder(given)
     if encoder.inputs not in inputs:
         where = "" if isinstance(given, Encoder) else f"{given}: "
@@ -86,13 +80,7 @@ def save_training(path: str | Path, problem: str, state: Mapping[str, Any]) -> N
 
 
 def load_training(path: str | Path, problem: str) -> dict[str, Any] | None:
-    """Return the state of a training; None where there is no file yet.
-
-    Raises
-    ------
-    ValueError
-        If the file holds no training, or that of another problem.
-    """
+    """Return the state of a training of this problem; None where there is no file yet."""
     path = Path(path)
     if not path.exists():
         return None
@@ -111,15 +99,7 @@ def _save(path: str | Path, kind: tuple[str, int], content: Mapping[str, Any]) -
 
 
 def _load(path: Path, kind: tuple[str, int], expected: str) -> dict[str, Any]:
-    """Return the mapping of tensors and plain values in a file of a kind.
-
-    Raises
-    ------
-    FileNotFoundError
-        If there is no such file.
-    ValueError
-        If it cannot be read, or is of another kind or version.
-    """
+    """Return the mapping of tensors and plain values in a file of a kind, or refuse the file."""
     if not path.exists():
         raise FileNotFoundError(f"{path}: no such file, expected {expected}")
     if path.is_dir():

@@ -52,28 +52,12 @@ class JudgedWeights:
 class OuterIterations:
     """The progress of the alternating minimisation, and the best weights so far.
 
-    Parameters
-    ----------
-    pixels : LeftOut
-        The pixels to learn from, and those to judge by.
-    first : Choice
-        How voxels are solved for with segment lengths.
-    limit : int
-        Number of outer iterations at most.
-    train : bool
-        Whether the encoder is trained; else its weights are judged as they are.
-    stop_reason : str
-        Why there are to be no more iterations; empty while there are.
-    done : int
-        Outer iterations done.
-    best : JudgedWeights, optional
-        None while segment lengths predict left-out pixels best.
-    unknowns, ratio : (unknowns,) and (S,) float32, optional
-        The last solve, and its weights over the lengths; None before the first.
-    residual : float
-        Relative residual of left-out pixels by the weights that were tried last; NaN: none were.
-    choice : Choice, optional
-        How voxels are solved for with weights; ``first`` when None.
+    ``pixels`` are those to learn from, and those to judge by, ``first`` how voxels are solved for
+    with segment lengths, ``choice`` with weights; None: as ``first``. Where not to ``train``, the
+    encoder's weights are judged as they are. ``best`` is None while segment lengths predict
+    left-out pixels best. ``unknowns`` (unknowns,) and ``ratio`` (S,) are the last solve, and its
+    weights over the lengths; ``residual`` is that of left-out pixels by the weights tried last,
+    NaN before.
     """
 
     pixels: LeftOut
@@ -151,22 +135,17 @@ class OuterIterations:
 
 
 class EncoderTraining:
-    """The encoder's half of the alternating minimisation over weights and voxels.
+    """The encoder's half of the alternating minimisation over weights and voxels, in place.
 
-    ``rays`` are those of all pixels, seen as "optics", and ``measured`` (rays,) what they show;
-    rays that are ``held`` (rays,) are not trained on. The encoder is trained in place, and the
-    learning rate falls over ``iterations`` outer ones. ``seed`` is that of the order of the rays.
-
-    Notes
-    -----
+    ``rays`` are those of all pixels, seen as "optics", ``measured`` (rays,) what they show; those
+    ``held`` (rays,) are not trained on. The learning rate falls over ``iterations`` outer ones.
     The loss of some rays at the voxels ``x`` is::
 
         mean (p - m)² / mean m²  +  penalty mean e²,    p = d + sum_j length_j (1 + e_j)² x_j
 
     with the offset ``d`` of the present prediction, in the basis of the solve, from the sum over
-    voxels of even emission: else the encoder would learn what these lack.
-
-    ``unit`` is the root mean square of the measured pixels.
+    voxels of even emission: else the encoder would learn what these lack. ``unit`` is the root
+    mean square of the measured pixels.
     """
 
     def __init__(
@@ -196,11 +175,11 @@ class EncoderTraining:
         volume: NDArray[np.float32],
         offset: NDArray[np.float32],
     ) -> float:
-        """Train for one outer iteration with the voxels fixed; return the mean loss.
+        """Train for one outer iteration, from 0, with the voxels fixed; return the mean loss.
 
-        ``number`` counts outer iterations from 0. ``rays`` have the emission before each
-        segment, ``volume`` (unknowns,) are the means of the voxels, and ``offset`` (rays,)
-        is what the prediction of each pixel has beside the sum over its segments.
+        ``rays`` have the emission before each segment, ``volume`` (unknowns,) are the voxels'
+        means, ``offset`` (rays,) is what a pixel's prediction has beside the sum over its
+        segments.
         """
         settings, place = self.settings, rays.length.device
         cosine = 0.5 * (1 + math.cos(math.pi * min(number / self.iterations, 1.0)))

@@ -95,13 +95,7 @@ class Product(torch.autograd.Function):
 
 
 def as_unknowns(volume: torch.Tensor, active: ActiveVoxels) -> torch.Tensor:
-    """Return a volume, or a batch, as the unknowns that an operator has: ``(..., unknowns)``.
-
-    Raises
-    ------
-    ValueError
-        If it has another shape, or is not of float32 or float64.
-    """
+    """Return a volume, or a batch, in float32 or float64, as unknowns ``(..., unknowns)``."""
     if volume.dtype not in (torch.float32, torch.float64):
         raise ValueError(
             f"volume: found {volume.dtype}, expected torch.float32 or torch.float64: "
@@ -120,13 +114,7 @@ def as_unknowns(volume: torch.Tensor, active: ActiveVoxels) -> torch.Tensor:
 
 
 def as_array(tensor: torch.Tensor, name: str) -> NDArray[np.floating]:
-    """Return the values of a tensor in memory of the CPU.
-
-    Raises
-    ------
-    ValueError
-        If one is NaN or infinite.
-    """
+    """Return the values of a tensor, finite ones, in memory of the CPU."""
     values = tensor.detach().cpu().numpy()
     check_finite(int(np.count_nonzero(~np.isfinite(values))), name)
     return values

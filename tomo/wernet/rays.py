@@ -206,20 +206,18 @@ class Rays:
     def with_upstream(self, volume: NDArray[np.float32], unit: float) -> Rays:
         """Return the rays with the emission that each segment has before it.
 
-        It is the sum of ``length x volume`` along the ray from the camera up to the segment's
-        middle, over ``unit``.
-
-        ``unit`` is a typical pixel, above zero.
+        The sum of ``length x volume`` along the ray from the camera up to the segment's middle,
+        over ``unit``, a typical pixel, above zero.
         """
         light = self.length.cpu() * torch.from_numpy(volume[self.voxel.cpu().numpy()]).double()
         upstream = _up_to_middles(light, self.count.cpu()) / unit
         return replace(self, features=self.features.with_column(-1, upstream))
 
     def take(self, numbers: torch.Tensor) -> RayBatch:
-        """Return some rays, packed.
+        """Return some rays, packed, by ``numbers`` (B,) from 0.
 
-        ``numbers`` (B,) count from 0. Those from ``len(self)`` on are the same rays in the
-        next frame: their voxels are those of a second volume, behind the first, and so on.
+        From ``len(self)`` on they are the same rays in the next frame: their voxels are those of a
+        second volume, behind the first, and so on.
         """
         numbers = numbers.to(self.start.device)
         frame, ray = numbers // len(self), numbers % len(self)

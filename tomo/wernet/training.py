@@ -54,9 +54,9 @@ def usable_device(device: str | torch.device) -> torch.device:
 def part_map(device: torch.device) -> Iterator[PartMap]:
     """Give a map over parts of a batch that suits the device.
 
-    On a CPU each part is computed by one thread, several parts at once, and what is between two
-    steps by one thread as well. A sum of the results in the order of the parts is therefore the
-    same bits for any number of threads. On another device parts follow one another.
+    On a CPU one thread computes each part, several parts at once, and what is between two steps: a
+    sum of results in the order of the parts has the same bits for any number of threads. On
+    another device parts follow one another.
     """
     if device.type != "cpu":
         yield lambda function, parts: [function(part) for part in parts]
@@ -88,8 +88,7 @@ def step(
 ) -> torch.Tensor:
     """Take a step down the sum of a loss over parts; return the sum of what is reported of it.
 
-    The optimiser's groups hold the parameters to train; ``loss_of`` returns the loss of a
-    part, and what is to be reported of it.
+    ``loss_of`` returns the loss of a part, and what is to be reported of it.
     """
     trained = [one for group in optimiser.param_groups for one in group["params"]]
 
@@ -119,9 +118,8 @@ class TrainingDivergedError(FloatingPointError):
 class JointTraining:
     """The paper's training of voxels and encoder: epochs of all rays, in a random order.
 
-    The encoder is the model's, trained unless its parameters are frozen; ``measured`` (frames,
-    pixels) have the largest value one; ``generator`` is that of the order of the rays, on the
-    CPU, so that it does not depend on the device.
+    ``measured`` (frames, pixels) have the largest value one. ``generator`` is that of the order,
+    on the CPU, so that it does not depend on the device. A frozen encoder is not trained.
     """
 
     def __init__(

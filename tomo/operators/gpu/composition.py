@@ -34,9 +34,9 @@ class DeviceBlur:
     def _side(self, places: Places, runs: Runs, own: NDArray, blur: ImageBlur) -> tuple[Any, ...]:
         """Return the images on one side of the blur, as the kernel takes them.
 
-        The number of entries; the cell of each, negative where it takes no part, and its view;
-        the entry in each cell, negative where none is; what an entry gives to its own place. Cells
-        of all views' canvases are numbered one view after another.
+        The number of entries; the cell of each on all canvases, negative where it takes no part,
+        and its view; the entry in each cell, negative where none is; what an entry gives to its
+        own place.
         """
         bases = np.cumsum([0, *blur._canvases.size])
         cell = np.full(len(places.view), -1, np.int64)

@@ -105,13 +105,7 @@ class CudaDevice:
         return f"<CudaDevice: {self.name}>"
 
     def compile(self, values: DTypeLike) -> None:
-        """Compile the kernels for one type; CuPy keeps them on disk for the next time.
-
-        Raises
-        ------
-        DeviceError
-            If they do not compile, with the compiler's line.
-        """
+        """Compile the kernels for one type, or raise `DeviceError`; CuPy keeps them on disk."""
         with self.used():
             self._module(np.dtype(values))
 

@@ -12,13 +12,6 @@ ON_CPU = "computed on the CPU"
 def device_number(name: str) -> int | None:
     """Return the number of the CUDA device that is asked for; None for ``cpu`` and ``auto``.
 
-    Raises
-    ------
-    ValueError
-        If there is no device of such a name.
-
-    Examples
-    --------
     >>> device_number("cuda"), device_number("cuda:1"), device_number("cpu")
     (0, 1, None)
     """

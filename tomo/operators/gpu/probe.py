@@ -126,10 +126,7 @@ def _moved(operator: ProjectionOperator, device: Device, slabs: int) -> Projecti
 def _slabs(operator: ProjectionOperator, device: Device) -> int:
     """Return into how many slabs a volume is to be cut to fit on a device; 1 where it fits.
 
-    Raises
-    ------
-    DeviceError
-        If it fits in none: rays or stored entries alone are too many, or gas absorbs.
+    `DeviceError`: rays or stored entries alone are too many, or gas absorbs.
     """
     voxels, planes = operator.grid.size, operator.grid.shape[0]
     if voxels > MOST_VOXELS:

@@ -72,12 +72,9 @@ class DeviceProjector(DeviceOperator):
     ) -> list[DeviceProjector]:
         """Return the projectors of slabs of the grid, which share the rays on the device.
 
-        ``cuts`` are the first plane of each slab along x, and the number of planes.
-
-        Notes
-        -----
-        The images of all slabs add up to those of the whole grid, and their adjoints, one after
-        another, are its adjoint: by its scale, see `DeviceProjector`.
+        ``cuts`` are the first plane of each slab along x, and the number of planes. Images of all
+        slabs add up to the grid's, their adjoints one after another are its adjoint, but for their
+        scales.
         """
         rays, is_first, ptr, most = copied_rays(projector, device)
         found: list[DeviceProjector] = []
@@ -116,8 +113,8 @@ class DeviceProjector(DeviceOperator):
     def with_rays(self, change: Change) -> DeviceProjector:
         """Return the operator of other rays: ``change`` takes and returns those of the CPU.
 
-        It is given the rays through transparent gas. Where it returns the same ones, through gas
-        or not, those on the device serve.
+        It is given those through transparent gas; if it returns the same, those on the device
+        serve.
         """
         found = change(self.flying)
         if isinstance(found, AttenuatedProjector) and found.rays is self.flying:

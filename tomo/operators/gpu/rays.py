@@ -51,16 +51,10 @@ class DeviceRays:
 def copied_rays(
     projector: OnTheFlyProjector, device: Device
 ) -> tuple[Any, Any, NDArray[np.int64], float]:
-    """Copy the rays of a projector to a device.
+    """Copy the rays of a projector to a device; return these, and a bound of a voxel's lengths.
 
-    Returns
-    -------
-    rays, is_first
-        See `DeviceRays`.
-    ptr : (pixels + 1,) int64
-        Where each pixel's rays begin.
-    most : float
-        A bound of the sum of the lengths in a voxel, negative where a weight is.
+    ``rays`` and ``is_first`` as of `DeviceRays`, where each pixel's begin (pixels + 1,), and the
+    bound of the sum of the lengths in a voxel, negative where a weight is.
     """
     count = sum(source.ray_count(0, source.n_pixels) for source in projector._sources)
     rays, is_first = device.zeros((count, 8), np.float64), device.zeros((count,), np.uint8)

@@ -53,20 +53,10 @@ class Averaged(PixelSource):
 class CameraPixels(Averaged):
     """Pixels of a camera, whose rays are those of `tomo.rays.Rays.from_camera`.
 
-    Attributes
-    ----------
-    pixels : PixelRuns
-        Flat pixel numbers ``row * width + column``.
-    supersample : int
-        Rays along each side of a pixel.
-    bend : (B, K², 2) float32, (B, K², 3) float64 or (0, 0, 0)
-        Distortion, as in `tomo.operators.on_the_fly.ray_setup.of_pixels`: for a fisheye the
-        directions themselves, for other lenses the correction of the pinhole's image coordinates,
-        which is small and good to 1e-9 in float32. Empty for a lens without distortion.
-    rows : (P,) int, optional
-        The row of ``bend`` of each pixel; None where they are in order.
-    aperture_rays : int
-        Rays over the camera's aperture, as in `tomo.rays.Rays.from_camera`.
+    ``bend`` is the distortion as in `tomo.operators.on_the_fly.ray_setup.of_pixels`, (B, K², 2)
+    float32, for a fisheye (B, K², 3) float64: there the directions themselves, for other lenses
+    the correction of the pinhole's image coordinates, which is small and good to 1e-9 in float32;
+    (0, 0, 0) for a lens without. ``rows`` (P,) are each pixel's in ``bend``, None: in order.
     """
 
     camera: Camera
@@ -84,13 +74,7 @@ class CameraPixels(Averaged):
         supersample: int = 1,
         aperture_rays: int = 1,
     ) -> CameraPixels:
-        """Return the source of some pixels of a camera, or of all.
-
-        Raises
-        ------
-        ValueError
-            See `tomo.rays.Rays.from_camera`.
-        """
+        """Return the source of some pixels of a camera, or of all."""
         rays_of_pixel(supersample, aperture_rays)
         count = math.prod(camera.image_size)
         bend = _bend(camera, np.arange(count) if pixels is None else pixels, supersample)
@@ -147,10 +131,8 @@ class CameraPixels(Averaged):
 class GeneratedPixels(Averaged):
     """Pixels whose rays are made anew, by `tomo.rays.Rays.from_camera`, at every use.
 
-    For cameras without a lens model, whose many rays a pixel would fill the memory.
-
-    ``pixels`` (P,) are flat pixel numbers ``row * width + column``; ``ptr`` (P + 1,) says
-    where each pixel's rays begin. The rest is as in `tomo.rays.Rays.from_camera`.
+    For cameras without a lens model, whose many rays a pixel would fill the memory. ``pixels``
+    (P,) are flat numbers ``row * width + column``, ``ptr`` (P + 1,) where each one's rays begin.
     """
 
     camera: CameraLike

@@ -90,19 +90,10 @@ def _crossings(other_is_before, own, span, other, other_span, base, indices, fra
 def crossings_along_b(own, span, other, other_span, base, indices, fractions, at) -> int:
     """Write a ray's crossings of faces between voxels along b from ``at`` on; return their end.
 
-    Parameters
-    ----------
-    own, other : (start, slope, steps a voxel, stride)
-        The line along the axis, and that along the other one.
-    span, other_span : (float64, float64)
-        First and last voxel of the ray along them.
-    base : float64
-        Index of ``S[0]`` of column (0, 0).
-    indices : (end or more,) int32 or int64
-        Written: the index of ``S[k]`` in the lower of the two columns; in the upper one it is one
-        stride larger.
-    fractions : (end or more,) float64
-        Written: ``t - k``.
+    ``own`` and ``other`` are lines as of `lines_of`, the spans the ray's first and last voxel
+    along them; ``base`` is the index of ``S[0]`` of column (0, 0). Written: ``indices`` of
+    ``S[k]`` in the lower of the two columns, in the upper it is one stride larger, and
+    ``fractions`` ``t - k``.
     """
     return _crossings(True, own, span, other, other_span, base, indices, fractions, at)
 

@@ -102,21 +102,12 @@ def _total(terms, first, end):
 
 @compiled()
 def forward(parameters, pixel_ptr, shape, index_of, single, double, images) -> None:
-    """Write to ``images`` (P,) the projections of a volume.
+    """Write to ``images`` (P,) float64 the projections of a volume.
 
-    Parameters
-    ----------
-    parameters : (N, 8) float64
-        Of rays with one driving axis, as `tomo.operators.on_the_fly.ray_setup` writes them.
-    pixel_ptr : (P + 1,) int64
-    shape : (3,) int
-        Voxels along the axes a, b, c.
-    index_of : (0,) int32 or int64
-        The type of indices of running sums.
-    single, double : float32, float64
-        Running sums of the volume in one of them; the other is empty. One kernel for both types
-        takes half as long to compile as two.
-    images : (P,) float64
+    ``parameters`` (N, 8) are of rays with one driving axis, `ray_setup`; ``shape`` are voxels
+    along a, b, c; ``index_of`` (0,) has the type of indices of running sums. These are ``single``
+    or ``double``, the other is empty: one kernel for both types takes half as long to compile as
+    two.
     """
     lists, strides = _lists(index_of, shape, RAYS_TOGETHER), _strides(shape)
     ends, signs = np.zeros((RAYS_TOGETHER + 1, 2), np.int64), np.zeros((RAYS_TOGETHER, 2))
@@ -200,17 +191,8 @@ def adjoint(
 ) -> None:  # fmt: skip
     """Add to ``differences`` the transpose of `forward` for ``images`` (P,).
 
-    Parameters
-    ----------
-    parameters, pixel_ptr, shape, index_of
-        As in `forward`.
-    first_b, end_b : int
-        The columns of ``differences`` along b, the last excluded.
-    per_unit : float
-        Whole numbers that stand for one.
-    images : (P,) float64
-    differences : uint64
-        Written; negative numbers as their complement.
+    uint64 in units of ``1 / per_unit``, negative numbers as their complement, of the columns
+    ``first_b`` to ``end_b``, the last excluded.
     """
     first_column = float(first_b * shape[2] * (shape[0] + 1))
     lists, strides = _lists(index_of, shape, 1), _strides(shape)

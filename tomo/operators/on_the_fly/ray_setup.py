@@ -58,21 +58,11 @@ def _within(position, count):
 def _set_parameters(rays, made, some, shape, before_b, before_c, parameters, first, step) -> None:
     """Write the parameters of rays with driving axis a; other rays get none.
 
-    There is no branch that depends on data, so that the loop vectorises.
-
-    Parameters
-    ----------
-    rays : (8, at least some) float64
-        Origin along a, b, c, in voxels from the lower corner, direction along them, in voxels a
-        unit of length, length and weight. A ray of NaN gets none.
-    made : (7, at least some) float64
-        Working memory.
-    shape : (int, int, int)
-        Voxels along a, b, c.
-    before_b, before_c : bool
-        Whether the driving axis is a where a ray is as fast along b, or c.
-    parameters : (N, 8) float64
-        Written in each ``step``-th row from ``first`` on.
+    ``rays`` (8, some): origin along a, b, c, in voxels from the lower corner, direction along
+    them, in voxels a unit of length, length and weight; one of NaN gets none. ``made`` (7, some)
+    is working memory. ``before_b`` and ``before_c`` say whether the driving axis is a where a ray
+    is as fast along the other. Written: each ``step``-th row of ``parameters`` (N, 8) from
+    ``first``. No branch depends on data, so that the loop vectorises.
     """
     n_a, n_b, n_c = float(shape[0]), float(shape[1]), float(shape[2])
     for k in range(some):
@@ -107,20 +97,10 @@ def _set_parameters(rays, made, some, shape, before_b, before_c, parameters, fir
 
 @compiled()
 def of_rays(origins, directions, lengths, weights, box, shape, axes, parameters) -> None:
-    """Write the parameters of rays (N, ...) with driving axis ``axes[0]``.
+    """Write the parameters (N, 8) of rays, as in `tomo.rays.Rays`, with driving axis ``axes[0]``.
 
-    Parameters
-    ----------
-    origins, directions, lengths, weights
-        As in `tomo.rays.Rays`.
-    box : (3, 3) float64
-        The grid's lower and upper corner and its spacing.
-    shape : (int, int, int)
-        Voxels along a, b, c.
-    axes : (int, int, int)
-        Which axes are a, b and c.
-    parameters : (N, 8) float64
-        Written; a ray with another driving axis, or one that misses the grid, gets none.
+    ``box`` (3, 3) are the grid's corners and spacing, ``shape`` the voxels along a, b, c, ``axes``
+    which axes these are; a ray with another driving axis, or that misses, gets none.
     """
     before = axes[0] < axes[1], axes[0] < axes[2]
     rays, made = np.zeros((8, TOGETHER)), np.zeros((7, TOGETHER))
