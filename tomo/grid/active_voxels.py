@@ -153,8 +153,8 @@ class ActiveVoxels:
     def distance(self) -> NDArray[np.uint8]:
         """Distance in voxels to the nearest active one, at most `FARTHEST`: the grid's shape.
 
-        In the chessboard metric, the largest difference along an axis: a ray that advances by
-        ``n`` slabs moves by at most ``n`` along any axis.
+        The largest difference along an axis: a ray moves by at most ``n`` along any in ``n``
+        slabs.
         """
         from scipy.ndimage import distance_transform_cdt  # takes a while to import
 
@@ -212,8 +212,8 @@ class ActiveVoxels:
     def box(self) -> ActiveVoxels:
         """The unknowns in the smallest box that holds them and a layer around, inside the grid.
 
-        The box is a grid of the same spacing, of one voxel where there is no unknown. Its centre
-        is not that of the unknowns.
+        A grid of the same spacing, of one voxel where there is no unknown; its centre is not
+        theirs.
         """
         if self.index is None:
             return self

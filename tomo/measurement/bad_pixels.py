@@ -21,22 +21,12 @@ def usable_pixels(
 ) -> NDArray[np.bool_]:
     """Return the pixels of an image that can be trusted, ``(height, width)``.
 
-    A scan's corrections put masks and saturation into ``mask``; this finds what remains.
-
-    Parameters
-    ----------
-    image : (height, width)
-    mask : (height, width) bool, optional
-        True where a pixel is usable as far as is known.
-    noise : NoiseModel, optional
-        No noise when None.
-
-    Notes
-    -----
-    A single pixel is dead or hot when it is four times darker or brighter than all of its eight
-    usable neighbours (below zero: darker), and more than eight standard deviations and a twentieth
-    of the image's maximum beyond that: lenses spread what is real over more than one pixel. Pixels
-    on the image's border are judged by the neighbours that they have.
+    A scan's corrections put masks and saturation into ``mask``, True where a pixel is usable as
+    far as is known; this finds what remains. A single pixel is dead or hot when it is four times
+    darker or brighter than all of its eight usable neighbours (below zero: darker), and more than
+    eight standard deviations and a twentieth of the image's maximum beyond that: lenses spread
+    what is real over more than one pixel. Pixels on the image's border are judged by the
+    neighbours that they have. There is no noise when None.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)
@@ -156,20 +146,12 @@ class DeadLines:
 def find_dead_lines(image: ArrayLike, mask: ArrayLike | None = None) -> DeadLines:
     """Return the rows and columns that hold one value between lines that are lit.
 
-    Parameters
-    ----------
-    image : (height, width)
-        As recorded, before anything is subtracted or shrunk.
-    mask : (height, width) bool, optional
-        True where a pixel is usable as far as is known; the others say nothing.
-
-    Notes
-    -----
-    All usable pixels of a dead line have one value, to the last bit, and at `LIT` of them both
-    neighbouring lines are brighter, or both are darker, by more than eight standard deviations of
-    the noise and a twentieth of the image's maximum, the limits of `usable_pixels`. A dark border
-    has one neighbour, a flat background none that differs, and a lens leaves no body with edges
-    that are dark and bright within two pixels all along a line.
+    Of an image as recorded, before anything is subtracted or shrunk; pixels that ``mask`` leaves
+    out say nothing. All usable pixels of a dead line have one value, to the last bit, and at `LIT`
+    of them both neighbouring lines are brighter, or both are darker, by more than eight standard
+    deviations of the noise and a twentieth of the image's maximum, the limits of `usable_pixels`.
+    A dark border has one neighbour, a flat background none that differs, and a lens leaves no body
+    with edges that are dark and bright within two pixels all along a line.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)

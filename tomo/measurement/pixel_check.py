@@ -30,19 +30,9 @@ BELOW_AREA = 0.02
 def background(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
     """Return the level of an image's uniform background, in image units; 0 for none.
 
-    Parameters
-    ----------
-    image : (height, width)
-    mask : (height, width) bool
-        True where a pixel is usable.
-    noise : NoiseModel
-        The image's noise.
-
-    Notes
-    -----
-    Blocks of 4 x 4 usable pixels are averaged. There is a background where the 2 % quantile of
-    the means exceeds five standard deviations of a mean plus 1 % of the brightest block, and
-    the 2 % and 20 % quantiles differ by at most three standard deviations plus 5 %.
+    Blocks of 4 x 4 usable pixels (``mask``) are averaged. There is a background where the 2 %
+    quantile of the means exceeds five standard deviations of a mean plus 1 % of the brightest
+    block, and the 2 % and 20 % quantiles differ by at most three standard deviations plus 5 %.
     """
     means = block_means(image, mask)
     if not means.size:
@@ -57,15 +47,10 @@ def background(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
 def below_zero(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float:
     """Return the median depth of the blocks below zero, in image units; 0 for none.
 
-    Emission is never negative, so a dark region is zero within the noise.
-
-    Takes what `background` takes.
-
-    Notes
-    -----
-    A block of 4 x 4 usable pixels lies below zero when its mean is below minus four of its
-    standard deviations minus 0.5 % of the brightest block. Noise explains up to 2 % of such
-    blocks; beyond that the median of their means is returned, as a positive number.
+    Emission is never negative, so a dark region is zero within the noise. A block of 4 x 4 usable
+    pixels lies below zero when its mean is below minus four of its standard deviations minus 0.5 %
+    of the brightest block. Noise explains up to 2 % of such blocks; beyond that the median of
+    their means is returned, as a positive number.
     """
     means = block_means(image, mask)
     if not means.size:
@@ -91,18 +76,9 @@ as many pixels in two steps below its top as in the top step."""
 def cut_off_level(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float | None:
     """Return the level that an image was cut off at, None where it was not.
 
-    Parameters
-    ----------
-    image : (height, width)
-    mask : (height, width) bool
-        True where a pixel is usable.
-    noise : NoiseModel
-
-    Notes
-    -----
-    Light beyond a camera's largest value is recorded as that value, so that more pixels have it
-    than lie just below it. The top of a flame has one pixel of the largest value and many below,
-    spread by the noise.
+    Light beyond a camera's largest value is recorded as that value, so that more usable pixels
+    (``mask``) have it than lie just below it. The top of a flame has one pixel of the largest
+    value and many below, spread by the noise.
     """
     values = np.asarray(image, np.float64)[np.asarray(mask, bool)]
     if not len(values):

@@ -63,25 +63,14 @@ def weigh_pixels(
 ) -> PixelWeights:
     """Return inverse-variance weights from the noise and the discretisation error.
 
-    Parameters
-    ----------
-    images : sequence of (height, width)
-        One a view.
-    masks : sequence of (height, width) bool
-        True where a pixel is usable; the others are ignored.
-    noise : sequence of NoiseModel
-        One a view.
-    pixels_a_voxel : sequence of float
-        Pixels along a voxel's edge in each view; NaN where unknown: the view then says nothing
-        of the discretisation error.
-
-    Notes
-    -----
     The variance is ``read² + gain x signal + missed²``; the best linear unbiased estimate weighs
     by its inverse (Aitken, "On least squares and linear combination of observations", Proceedings
     of the Royal Society of Edinburgh 55, 1936). The discretisation error ``missed`` is `FINER`
     times the root mean square, weighted by the signal, of the images' detail that is finer than
     voxels and exceeds the noise.
+
+    ``pixels_a_voxel`` are the pixels along a voxel's edge in each view; one of NaN, where that is
+    unknown, says nothing of the discretisation error. ``masks`` are True where pixels are usable.
     """
     tops = [
         float(np.max(image, where=mask, initial=0.0))

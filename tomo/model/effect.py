@@ -16,14 +16,7 @@ from tomo.operators import LinearSystem
 
 @dataclass(frozen=True, eq=False)
 class Prediction:
-    """The images that a volume shows, to which effects give columns.
-
-    Attributes
-    ----------
-    observation : Observation
-        As corrected so far.
-    unknowns : (unknowns,) float32
-    """
+    """The images that ``unknowns`` (unknowns,) show of an observation, as corrected so far."""
 
     observation: Observation
     system: LinearSystem

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 NOTEWORTHY = 0.005
 """Relative scatter below which gains are not corrected: it is below the error of most cameras."""
@@ -25,10 +25,6 @@ class Gains:
         ``o``, in the images' unit; 0 where nothing could be fitted.
     gain_error, offset_error : (views,) float64
         Standard errors; infinite where nothing could be fitted.
-    scale : float
-        The brightest pixel that was fitted, which offsets are compared with.
-    reference : (views,) bool, optional
-        The views whose gains have the mean 1, those of calibrated cameras; all when None.
 
     Notes
     -----
@@ -39,15 +35,12 @@ class Gains:
     offset: NDArray[np.float64]
     gain_error: NDArray[np.float64]
     offset_error: NDArray[np.float64]
-    scale: float = 1.0
-    reference: NDArray[np.bool_] | None = None
 
     @classmethod
-    def none(cls, n_views: int, reference: ArrayLike | None = None) -> Gains:
+    def none(cls, n_views: int) -> Gains:
         """Return gains of 1 and offsets of 0, known for certain."""
         zero = np.zeros(n_views)
-        reference = None if reference is None else np.asarray(reference, bool)
-        return cls(np.ones(n_views), zero, zero, zero, reference=reference)
+        return cls(np.ones(n_views), zero, zero, zero)
 
     def __repr__(self) -> str:
         """Name the range of the gains."""

@@ -272,6 +272,4 @@ def _gains(
         np.exp(gain) * level,
         np.exp(gain) * errors[0],
         np.exp(gain) * errors[1] * 2.0**power,
-        observation.brightest,
-        None if observation.sets_scale is None else np.array(observation.sets_scale),
     )

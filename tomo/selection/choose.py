@@ -100,27 +100,15 @@ def choose_by_left_out_pixels(
 ) -> Choice:
     """Choose width, strength and iterations by cross-validation over blocks of pixels.
 
-    Parameters
-    ----------
-    projector : ProjectionOperator
-        The operator of the views that take part.
-    measured : (pixels,)
-    blocks : (pixels,) int, optional
-        The block of each pixel: pixels of a block are left out together, see
-        `tomo.operators.LinearSystem.blocks`. Short rows of pixels when None.
-    weights : (pixels,), optional
-        Pixel weights for least squares and for evaluation, such as inverse variances of the
-        noise; all 1 when None.
-    progress : callable, optional
-        ``progress(done, total, where)``.
-
-    Notes
-    -----
     One in eight blocks is left out, of all pixels or of a slab of a large volume. The search goes
     from setting to neighbouring setting (`MOVES`) while the error of the left-out pixels falls.
     The setting of the least error is taken: the smoothest within one standard error of it
     (Breiman, Friedman, Stone and Olshen, "Classification and Regression Trees", 1984, section
     3.4.3) was worse on noisy scenes, by 24 % at most and 1 % on average.
+
+    ``blocks`` (pixels,) int are each pixel's, see `tomo.operators.LinearSystem.blocks`; short rows
+    of pixels when None. ``weights`` (pixels,), such as inverse variances, are for least squares
+    and for evaluation.
     """
     measured = host(check_measured(projector, measured))
     if not measured.any():

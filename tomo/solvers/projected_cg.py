@@ -86,8 +86,7 @@ def projected_cg(
 def descend(problem: LeastSquares, start: ArrayLike | None, nonnegative: bool) -> States:
     """Yield the volumes of projected conjugate gradients on ``problem``, see `projected_cg`.
 
-    Where the problem has columns each has steps of its own, and the last of them ends all: one
-    that has no direction left stays where it is.
+    Columns have steps of their own; one that has no direction left stays, the last one ends all.
     """
     x = problem.start(start, nonnegative)
     xp = namespace(x)
@@ -143,10 +142,9 @@ def _change(
     nonnegative: bool,
     step: NDArray[np.float32] | None,
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float32]]:
-    """Return a feasible change along ``direction``, its image, and the length of its step.
+    """Return each column's feasible change along ``direction``, its image, and its step's length.
 
-    Of each column. ``step`` are the lengths of the last ones; zero is returned where no step leads
-    lower.
+    ``step`` are the lengths of the last ones; zero is returned where no step leads lower.
     """
     xp = namespace(x)
     if step is None or not nonnegative:

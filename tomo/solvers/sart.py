@@ -25,8 +25,8 @@ from tomo.solvers.solution import Callback, Solution
 def view_orders(count: int) -> Iterator[NDArray[np.int64]]:
     """Yield the order in which each pass takes views ``0 .. count - 1``, without end.
 
-    The first has no pattern. In all others neighbours in the order are far apart on the ring, by
-    the golden-ratio sequence: after any number of views, those used are spread evenly.
+    The first has no pattern. In all others neighbours in the order are far apart on the ring, and
+    those used after any number of views are spread evenly, by the golden-ratio sequence.
     """
     yield np.random.default_rng(0).permutation(count)
     spread = np.argsort(np.argsort(golden_ratio_sequence(count)))

@@ -139,10 +139,10 @@ def _fill(
 ):  # fmt: skip
     """Write the segments of some chunks of rays, each from index ``begin[chunk]`` on; count them.
 
-    Where ``voxel`` is empty, write the most that there can be to ``counts``, nothing else. Both
-    passes are one kernel, since the code they share takes long to compile. ``distance`` (voxels,)
-    is in voxels to the nearest active one, ``number`` (voxels,) negative for inactive ones; both
-    are empty where all are active.
+    Where ``voxel`` is empty, write the most that there can be to ``counts``, nothing else: one
+    kernel, since the code they share takes long to compile. ``distance`` (voxels,) is in voxels to
+    the nearest active one, ``number`` (voxels,) negative for inactive ones; empty where all are
+    active.
     """
     lower, upper, spacing, shape = box
     cuts, parameters = np.zeros(9 * SLABS), np.zeros((WIDTH, RAYS_TOGETHER))
@@ -204,16 +204,11 @@ def _move_down(begin, ptr, words, array, moved):
 
 
 class March:
-    """Traces rays with the compiled walk on all cores.
+    """Traces rays with the compiled walk on all cores, one thread at a time; see `tracing`.
 
     Where not all voxels are active, most of the room for segments stays empty: it is kept from
     call to call, since new pages from the system cost more than writing to them, and the segments
-    are copied out of it. One thread may call it at a time.
-
-    Parameters
-    ----------
-    grid, midpoints, dtype, active, in_storage_order
-        See `tomo.trace.tracing`.
+    are copied out of it.
     """
 
     def __init__(

@@ -193,8 +193,8 @@ def merging(tracer: Callable[[Rays], Segments], voxels: int) -> Callable[[Rays],
 def merge(ptr, voxel, length, last, done, merged_ptr, merged_voxel, merged_length) -> None:
     """Write the merged entries.
 
-    ``last`` (voxels,) holds the number of the last entry of each voxel, from ``done[0]`` on those
-    of this call; below: of none.
+    ``last`` (voxels,) has the number of each voxel's last entry; those below ``done[0]`` are of
+    none.
     """
     first = end = done[0]
     for pixel in range(len(ptr) - 1):

@@ -61,29 +61,15 @@ def standard_deviations(
     seed: int = 0,
     progress: Progress | None = None,
 ) -> Deviations:
-    """Repeat a reconstruction with new noise and return the spread of its voxels.
+    """Repeat a reconstruction with new noise, twice or more, and return the spread of its voxels.
 
-    Parameters
-    ----------
-    measured, seen : (pixels,) float32
-        The images, and the volume found from them re-projected.
-    noise : (pixels,) float64
-        Standard deviation of the pixels' noise.
-    solve : callable
-        The reconstruction.
-    repeats : int
-        At least 2.
-    seed : int
-        Of the noise; every repeat has a generator of its own.
-
-    Notes
-    -----
-    A parametric bootstrap (Efron and Tibshirani, "An Introduction to the Bootstrap", 1993,
-    chapter 6) of the whole solve: non-negativity, smoothness and early stopping are in it. The
-    noise is put on the re-projected images plus the residual blurred by `KEPT` pixels: what the
-    volume cannot explain presses voxels against zero and has to stay, the noise that the images
-    already have must not count twice. What no repeat can show is not in it: what smoothing and
-    missing views leave out, the choice of the method, and noise that neighbouring pixels share.
+    A parametric bootstrap (Efron and Tibshirani, "An Introduction to the Bootstrap", 1993, chapter
+    6) of the whole solve: non-negativity, smoothness and early stopping are in it. ``noise``, the
+    pixels' standard deviations, is put on the re-projected images ``seen`` plus the residual
+    blurred by `KEPT` pixels: what the volume cannot explain presses voxels against zero and has to
+    stay, the noise that the images already have must not count twice. What no repeat can show is
+    not in it: what smoothing and missing views leave out, the choice of the method, and noise that
+    neighbouring pixels share. Every repeat has a generator of its own.
 
     How firmly voxels without emission are held at zero hangs on the noise of the one set that
     there is. From `CALIBRATED` repeats on the second half of them treats a noisy set of the first

@@ -127,36 +127,17 @@ def intervals(
 ) -> Intervals | None:
     """Return the intervals of a volume; None where too few voxels emit.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        On voxel means.
-    measured, seen : (pixels,) float32
-        The images, and the volume re-projected.
-    volume : (nx, ny, nz) float32
-    deviations : (unknowns,) float32
-        By noise.
-    where : (nx, ny, nz) bool
-        The voxels whose errors in ``moved`` count.
-    size : float
-        Root mean square of the emission.
-    unexplained : float
-        Fraction of the images that neither volume nor noise explains.
-    light_error : float
-        Relative standard deviation of the total light by what was found of cameras and gas.
-
-    Notes
-    -----
-    The errors of the known answer are `DETAIL` times those that both of its reconstructions have,
-    plus and minus those of the noise. What they follow (`tomo.uncertainty.moved`), so that
-    90 % of them are below, is applied to the volume. It grows by `UNEXPLAINED` times the
-    unexplained fraction of the emission over their root mean square, and is at least the interval
-    by noise.
+    The errors of the known answer, in the voxels ``where`` (nx, ny, nz), are `DETAIL` times those
+    that both of its reconstructions have, plus and minus those of the noise. What they follow
+    (`tomo.uncertainty.moved`), so that 90 % of them are below, is applied to the volume. It grows
+    by `UNEXPLAINED` times the fraction ``unexplained`` of the images, which neither volume nor
+    noise explains, of the emission's root mean square ``size`` over the errors', and is at least
+    the interval by noise, of ``deviations`` (unknowns,).
 
     Plane sums have the same errors as those of the known answer, relative to their root mean
     square, and in squares a common factor: the relative difference between the images' light and
-    that of their re-projections, `LIGHT` times the unexplained part, and ``light_error``. An edge
-    moves as the sums
+    that of their re-projections ``seen``, `LIGHT` times the unexplained part, and ``light_error``,
+    the relative standard deviation by what was found of cameras and gas. An edge moves as the sums
     beside it change, over their slope.
     """
     if np.count_nonzero(where) < FEWEST or not moved.truth[where].sum() > 0:

@@ -32,22 +32,12 @@ def noise_of_images(
 ) -> NDArray[np.float64]:
     """Return the standard deviation of the noise in every pixel that takes part, ``(pixels,)``.
 
-    Parameters
-    ----------
-    measured, seen : (pixels,) float32
-        The images, and the volume found from them re-projected.
-    remains : float
-        Fraction of known noise that the same estimate finds in what the solve leaves of it, see
-        `tomo.uncertainty.moved.Moved`.
-
-    Notes
-    -----
     Each view's noise model, ``variance = read² + gain x signal``, is that of the residual's finest
-    structure over the re-projected signal, see `tomo.measurement.estimate_noise`: with the volume
-    taken away, edges and fine structure of the flame are not taken for noise. The solve has fitted
-    some of the noise, which `remains` makes up for. Where voxels are so much coarser than pixels
-    that the re-projection's steps are finer structure than the images have, the images alone say
-    less, and are believed.
+    structure over the re-projected signal ``seen``, see `tomo.measurement.estimate_noise`: with
+    the volume taken away, edges and fine structure of the flame are not taken for noise. The solve
+    has fitted some of the noise: ``remains`` is the fraction of known noise that the same estimate
+    finds in what it leaves. Where voxels are so much coarser than pixels that the re-projection's
+    steps are finer structure than the images have, the images alone say less, and are believed.
 
     The noise of one pixel is taken to be independent of its neighbours'. Where images were
     resampled or smoothed it is not, and too little is found: two thirds of it after a blur of half

@@ -70,25 +70,12 @@ def resolution(
 ) -> Resolution | None:
     """Return the widths of reconstructed spots of one voxel; None where no voxel emits.
 
-    Parameters
-    ----------
-    measured : (pixels,) float32
-        What ``volume`` (unknowns,) was reconstructed from.
-    emitting : (unknowns,) bool
-        Where spots may be.
-    solve : callable
-        The reconstruction.
-    pixel : float
-        Width of a pixel at the volume, in the grid's unit.
-
-    Notes
-    -----
-    The projections of faint spots, one voxel each and far apart, are added to the images, and the
-    reconstruction is done again: its change is the local point-spread function of the method as it
-    is, non-negativity and early stopping included, at these images. The width is where the change
-    falls to half of what it is at the spot, interpolated along each axis. A pixel gathers light
-    over its width, which the equations' single rays do not: it is added in squares. What noise
-    hides is not in it.
+    The projections of faint spots, one ``emitting`` voxel each and far apart, are added to the
+    images, and the reconstruction is done again: its change is the local point-spread function of
+    the method as it is, non-negativity and early stopping included, at these images. The width is
+    where the change falls to half of what it is at the spot, interpolated along each axis. A pixel
+    gathers light over its width, ``pixel`` in the grid's unit, which the equations' single rays do
+    not: it is added in squares. What noise hides is not in it.
     """
     spots = _spots(system, emitting)
     if not len(spots):

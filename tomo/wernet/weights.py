@@ -20,21 +20,12 @@ AT_ONCE = 1 << 14
 
 @dataclass(frozen=True, eq=False)
 class RayWeights:
-    """Weights ``length (1 + e)² / g`` with the corrections ``e`` of an encoder.
+    """Weights ``length (1 + e)² / g`` with the corrections ``e`` of an encoder that sees "optics".
 
-    Attributes
-    ----------
-    encoder : Encoder
-        One that sees "optics".
-    volume : (unknowns,) float32
-        The means of the voxels that the upstream emission is computed from.
-    unit : float
-        Unit of the upstream emission.
-    image_scale : float
-        See `tomo.wernet.features.RayFeatures`.
-    gauge : (unknowns,) float32
-        ``g``, see `mean_of_voxels`. No image tells a factor of all weights of a voxel from one of
-        its emission: the mean weight in each voxel is therefore the mean length.
+    ``volume`` (unknowns,) are the means of the voxels that the upstream emission is computed from,
+    ``unit`` is its unit, ``image_scale`` as of `tomo.wernet.features.RayFeatures`. ``gauge``
+    (unknowns,) is ``g``, see `mean_of_voxels`. No image tells a factor of all weights of a voxel
+    from one of its emission: the mean weight in each voxel is therefore the mean length.
     """
 
     encoder: Encoder

@@ -19,11 +19,6 @@ whole numbers. The rays of a camera take 64 bytes each.
 **Trust.** `on_device` compares the kernels with the CPU's operator on some rays. The tests compile
 the same text for the host and compare it with the float64 oracle. Neither compiler may contract a
 product and a sum to one rounding: the device then has to compute the bits of the host's build.
-
-Modules: `device` (CuPy and the kernels' text), `device_operator` (what both forms share),
-`projector` (lengths computed at every product) of `rays` on the device, `slabs` (the same of too
-large a volume), `matrix` (stored entries), `composition` (blurs of images, the linear basis),
-`probe` (`on_device`), `names` and `wanted` (the device that an option names).
 """
 
 import lazy_loader

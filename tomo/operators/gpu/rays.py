@@ -18,32 +18,16 @@ from tomo.operators.on_the_fly import OnTheFlyProjector
 class DeviceRays:
     """Rays, voxels and gas on a device, which projectors of some of the pixels share.
 
-    Attributes
-    ----------
-    rays : (N, 8) float64
-        Origin, direction, length and weight of each ray.
-    is_first : (N,) uint8
-        Whether a ray begins a path of light.
-    grid : (14,) float64
-        Lower and upper corner, spacing and shape of the grid; the planes along x that are walked,
-        the first and the one after the last.
-    index, active : (unknowns,) int64, (voxels,) uint8
-        The unknowns' voxels, and whether a voxel is one; `NOTHING` where all are.
-    most : float
-        A bound of the sum of a voxel's lengths, ``max_v (A^T 1)_v``.
-    gas : tuple
-        Medium, extinction, depth outside the grid and ``is_first``, as the kernels take them;
-        empty where nothing absorbs.
-    absorption : tuple
-        The absorption and the emission that ``gas`` was made of; empty where nothing absorbs.
+    ``gas`` is the medium, extinction, depth outside the grid and ``is_first``, as kernels take
+    them, ``absorption`` what it was made of, with the emission; empty where nothing absorbs.
     """
 
-    rays: Any
-    is_first: Any
-    grid: Any
-    index: Any
-    active: Any
-    most: float
+    rays: Any  # (N, 8) float64: origin, direction, length and weight
+    is_first: Any  # (N,) uint8: whether a ray begins a path of light
+    grid: Any  # (14,) float64: corners, spacing, shape; first plane walked along x, and behind it
+    index: Any  # (unknowns,) int64: their voxels; `NOTHING` where all are
+    active: Any  # (voxels,) uint8: whether a voxel is an unknown; `NOTHING` where all are
+    most: float  # a bound of the sum of a voxel's lengths, ``max_v (A^T 1)_v``
     gas: tuple[Any, ...] = ()
     absorption: tuple[Any, ...] = ()
 

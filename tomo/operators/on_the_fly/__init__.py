@@ -26,11 +26,6 @@ float64 agree with the stored matrix to about 1e-13 of the largest value, with f
 
 Determinism. Each pixel, and in the adjoint each range of columns, belongs to one thread at a time:
 results have the same bits on any number of threads.
-
-Modules, in the order of the work: `ray_sources` and `camera_sources` (which rays), `ray_setup` (a
-ray's parameters in the grid), `chunks` (how many crossings, which columns, what a thread does at a
-time), `running_sums` (S and D), `face_crossings` and `kernels` (the products), `projector` (the
-operator), `attenuated` (that through absorbing gas, ray by ray).
 """
 
 import lazy_loader

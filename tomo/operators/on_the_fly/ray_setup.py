@@ -193,34 +193,15 @@ def of_pixels(
 ) -> None:  # fmt: skip
     """Write the parameters of a camera's pixels with driving axis ``axes[0]``.
 
-    Parameters
-    ----------
-    first_pixel, ptr : int32 or int64
-        Flat pixel numbers ``row * width + column`` as runs, as
-        `tomo.operators.on_the_fly.ray_sources` has them.
-    run : int
-        The run of pixel ``start``.
-    start, stop : int
-        The pixels to write, P in all.
-    bend : (P, K², 2) float32, (P, K², 3) float64 or (0, 0, 0)
-        What the lens adds to the pinhole's image coordinates, or the ray's direction in the
-        camera's axes; NaN where no direction is seen. Empty for a lens without distortion.
-    lens : (5,) float64
-        fx, skew, cx, fy, cy.
-    steps : (K², 2) float64
-        Positions of a pixel's rays, down and right of its centre.
-    pupil : (K², M, 2) float64
-        Points of the pupil that each position looks from, right and down of the camera.
-    shares : (M,) float64
-        Their weights.
-    focus : float
-        Distance to the plane in focus; infinite for a pinhole, whose M is one.
-    rotation : (3, 3) float64
-        From the world to the camera.
-    position : (3,) float64
-        The camera, in world coordinates.
-    box, shape, axes, parameters
-        As in `of_rays`; a pixel's rays stand together.
+    Of pixels ``start`` to ``stop``, P in all, by numbers ``row * width + column`` in runs,
+    ``first_pixel`` and ``ptr``, of which ``run`` is the first one's (`ray_sources`). ``bend`` is
+    what the lens adds to the pinhole's image coordinates (P, K², 2), or the direction in the
+    camera's axes (P, K², 3), NaN where none is seen; empty for a lens without distortion. ``lens``
+    are fx, skew, cx, fy, cy; ``steps`` (K², 2) a pixel's rays, down and right of its centre;
+    ``pupil`` (K², M, 2) the points that each looks from, right and down of the camera, of weights
+    ``shares`` (M,); ``focus`` is the distance to the plane in focus, infinite for a pinhole, whose
+    M is one; ``rotation`` is from the world to the camera, ``position`` in the world; the rest as
+    of `of_rays`.
     """
     several, bent = len(steps), bend.shape[2]
     before = axes[0] < axes[1], axes[0] < axes[2]
