@@ -22,7 +22,7 @@ from tomo.grid.dense import blurred
 from tomo.grid.z_runs import add, lay_out, pick_up, runs_between
 
 TRUNCATE = 3.0
-"""Standard deviations at which the kernel is cut: fewer leave an edge, more take time."""
+"""Standard deviations at which a blur is cut: fewer leave an edge, more take time for 0.3 %."""
 
 NANOSECONDS_A_TAP = 0.3  # a tap and voxel, on one thread
 

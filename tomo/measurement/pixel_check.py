@@ -66,11 +66,9 @@ FEWEST = 8
 """Pixels at the largest value. Fewer are chance, most of all in images of few grey levels."""
 
 SIGMAS = 2.0
-"""Standard deviations below the largest value within which fewer pixels lie than at it."""
-
-STEPS = 2.0
-"""The same in steps between grey levels, where these are coarser than the noise: a smooth peak has
-as many pixels in two steps below its top as in the top step."""
+"""Standard deviations below the largest value within which fewer pixels lie than at it; steps
+between grey levels where these are coarser than the noise: a smooth peak has as many pixels in two
+steps below its top as in the top step."""
 
 
 def cut_off_level(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float | None:
@@ -88,7 +86,7 @@ def cut_off_level(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float
     if count < FEWEST or not top > 0:
         return None
     step = top - float(values.max(where=values < top, initial=0.0))
-    below = top - max(SIGMAS * float(np.sqrt(noise.variance(top))), STEPS * step)
+    below = top - SIGMAS * max(float(np.sqrt(noise.variance(top))), step)
     near = int(np.count_nonzero((values >= below) & (values < top)))
     return top if count > near and below > 0 else None
 

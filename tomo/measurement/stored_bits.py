@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-FULL = 65535
+FULL = int(np.iinfo(np.uint16).max)
 """The largest number of 16 bits."""
 
 FEWER = (10, 12, 14)

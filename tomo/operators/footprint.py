@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter
 
 from rigs import CameraLike, Rig, image_motion
 from tomo.grid import VoxelGrid
+from tomo.grid.blur import TRUNCATE
 from tomo.operators.image_blur import ImageBlur, Kernel
 
 STEEPNESS, LONGEST = 4.0, 6.0
@@ -41,10 +42,6 @@ second, solvers undo a blur of long waves that is not there; a larger one widens
 
 MOST_STEPS = 100_000
 """Bound on the steps of the fit, which takes about as many as there are weights."""
-
-BLUR_REACH = 3.0
-"""Standard deviations to which a further blur reaches: more cost time and hold 0.3 % of the
-light."""
 
 FAINTEST = 1e-3
 """Kernel weights below this fraction of the largest go to the pixel itself: a smaller bound makes
@@ -102,7 +99,7 @@ def _widened(kernel: Kernel, variance: float) -> Kernel:
     if not variance > 0:
         return kernel
     offsets, weight = kernel
-    reach = int(np.abs(offsets).max(initial=0)) + int(np.ceil(BLUR_REACH * np.sqrt(variance)))
+    reach = int(np.abs(offsets).max(initial=0)) + int(np.ceil(TRUNCATE * np.sqrt(variance)))
     dense = np.zeros((2 * reach + 1,) * 2)
     dense[tuple((offsets + reach).T)] = weight
     dense = gaussian_filter(dense, np.sqrt(variance), mode="constant")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import timeit
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,7 +14,6 @@ from tomo.operators.memory import MemoryNeed, choose_form, estimate_memory
 from tomo.operators.system import LinearSystem, VolumeNotSeenError
 
 _SEGMENTS = 4_000_000  # in the larger sample: more take over a second, fewer time the overhead
-_PRODUCTS = 3  # the fastest counts
 
 
 @dataclass(frozen=True)
@@ -66,12 +66,8 @@ def _timed(rig: Rig, grid: VoxelGrid, form: str, fraction: float) -> tuple[int, 
     projector = _sampled(rig, grid, form, fraction).projector
     traced = time.perf_counter() - start
     volume = np.ones(projector.shape[1], np.float32)
-    taken = []
-    for _ in range(_PRODUCTS):
-        start = time.perf_counter()
-        projector.T @ (projector @ volume)
-        taken.append(time.perf_counter() - start)
-    return projector.n_segments, traced, min(taken)
+    taken = timeit.repeat(lambda: projector.T @ (projector @ volume), number=1)
+    return projector.n_segments, traced, min(taken)  # the fastest counts
 
 
 def _at(segments: int, few: int, many: int, short: float, long: float) -> float:

@@ -30,8 +30,6 @@ _STRENGTHS = ("gain_spread", "absorption", "self_absorption", "vignetting", "ape
 OPTICS = "optics"
 """An `Effects.aperture`: that of each camera's optics in the rig."""
 
-_GAIN_STREAM = 1  # a stream of its own: gains and noise do not change each other
-
 
 @dataclass(frozen=True)
 class Effects:
@@ -111,7 +109,8 @@ focus_distance=None, aperture_rays=32)
 
         The same seed gives the same gains, whatever noise is drawn from it.
         """
-        stream = np.random.SeedSequence(seed, spawn_key=(_GAIN_STREAM,))
+        # a stream of its own: gains and noise do not change each other
+        stream = np.random.SeedSequence(seed, spawn_key=(1,))
         width = math.sqrt(math.log1p(self.gain_spread**2))
         gains = np.exp(width * np.random.default_rng(stream).standard_normal(cameras))
         return gains / gains.mean()

@@ -16,11 +16,11 @@ from tomo.grid import VoxelGrid
 from tomo.operators import LinearSystem
 from tomo.uncertainty.residual_noise import Solve
 
-SPACING = 9
-"""Voxels between neighbouring spots along each axis."""
-
 REACH = 4
 """Voxels from a spot out to which its light is measured."""
+
+SPACING = 2 * REACH + 1
+"""Voxels between neighbouring spots along each axis: each has its own around it."""
 
 BRIGHTNESS = 0.1
 """Brightness of a spot, as a fraction of the brightest voxel: a small change of the volume."""
