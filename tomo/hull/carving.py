@@ -23,7 +23,7 @@ from tomo.hull.margins import (
     votes_to_try,
 )
 from tomo.hull.projection_lattice import Lattice
-from tomo.measurement import NoiseModel
+from tomo.measurement import NoiseModel, check_sizes
 
 if TYPE_CHECKING:
     from rigs import CameraLike
@@ -235,20 +235,9 @@ def _check(
     votes: int | str,
 ) -> None:
     """Check the arguments; one line names what is wrong."""
-    for what, found in (("images", images), ("masks", masks)):
-        if found is None:
-            continue
-        if len(found) != len(cameras):
-            raise ValueError(
-                f"{what}: found {len(found)}, expected one for each of {len(cameras)} cameras"
-            )
-        for camera, one in zip(cameras, found, strict=True):
-            width, height = camera.image_size
-            if np.shape(one) != (height, width):
-                raise ValueError(
-                    f"{what}: camera {camera.name}: found shape {np.shape(one)}, expected "
-                    f"{(height, width)}"
-                )
+    check_sizes("images", images, cameras)
+    if masks is not None:
+        check_sizes("masks", masks, cameras)
     for name, value, endless in (("margin", margin, True), ("threshold", threshold, False)):
         is_good = isinstance(value, Real) and value >= 0 and (endless or math.isfinite(value))
         if value != "auto" and not is_good:

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from tomo.grid import VoxelGrid
 from tomo.hull.dark_votes import dark_votes, touched
 from tomo.hull.projection_lattice import Lattice
+from tomo.measurement import check_sizes
 
 if TYPE_CHECKING:
     from rigs import CameraLike
@@ -59,12 +60,7 @@ def visual_hull(
     Laurentini, "The visual hull concept for silhouette-based image understanding", IEEE PAMI 16,
     1994. Hollows that no silhouette shows are filled.
     """
-    for camera, own in zip(cameras, silhouettes, strict=True):
-        if own.shape != tuple(camera.image_size)[::-1]:
-            raise ValueError(
-                f"silhouettes: camera {camera.name}: found shape {own.shape}, expected "
-                f"{tuple(camera.image_size)[::-1]}"
-            )
+    check_sizes("silhouettes", silhouettes, cameras)
     usable = [np.ones(own.shape, bool) for own in silhouettes] if masks is None else masks
     open_to = [own | ~known for own, known in zip(silhouettes, usable, strict=True)]
     lattices = Lattice.of_all(cameras, grid)

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rigs import CameraLike, Rig
 from tomo.measurement.noise_model import SIDE, NoiseModel, block_means, estimate_noise
 from tomo.measurement.outlier_pixels import find_outlier_pixels
 
@@ -89,6 +90,21 @@ def cut_off_level(image: ArrayLike, mask: ArrayLike, noise: NoiseModel) -> float
     below = top - SIGMAS * max(float(np.sqrt(noise.variance(top))), step)
     near = int(np.count_nonzero((values >= below) & (values < top)))
     return top if count > near and below > 0 else None
+
+
+def check_sizes(what: str, images: Sequence[NDArray], cameras: Rig | Sequence[CameraLike]) -> None:
+    """Refuse images that are not one a camera, each of its camera's size."""
+    if len(images) != len(cameras):
+        raise ValueError(
+            f"{what}: found {len(images)}, expected one for each of {len(cameras)} cameras"
+        )
+    for camera, image in zip(cameras, images, strict=True):
+        width, height = camera.image_size
+        if np.shape(image) != (height, width):
+            raise ValueError(
+                f"{what}: camera {camera.name}: found shape {np.shape(image)}, expected "
+                f"{(height, width)}"
+            )
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from rigs import Rig, point_in_view
 from tomo.grid import ActiveVoxels, VoxelGrid
+from tomo.measurement import check_sizes
 from tomo.operators.absorption import Absorption, attenuating, dimmed
 from tomo.operators.assembly import Progress, camera_sources, trace_cameras
 from tomo.operators.basis import LinearBasis
@@ -242,17 +243,7 @@ class LinearSystem:
 
     def flatten(self, images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
         """Return the pixels that take part, view after view: ``(pixels,)``; one image a camera."""
-        if len(images) != len(self.rig):
-            raise ValueError(
-                f"images: found {len(images)}, expected one for each of {len(self.rig)} cameras"
-            )
-        for camera, image in zip(self.rig, images, strict=True):
-            width, height = camera.image_size
-            if np.shape(image) != (height, width):
-                raise ValueError(
-                    f"images: camera {camera.name}: found shape {np.shape(image)}, expected "
-                    f"{(height, width)}"
-                )
+        check_sizes("images", images, self.rig)
         return np.concatenate(
             [image.ravel()[kept] for image, kept in zip(images, self.pixels, strict=True)]
         )
