@@ -27,44 +27,22 @@ small flames in large images count as dark."""
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """The images of one frame, with the cameras, the noise and the gas that they are seen through.
-
-    Attributes
-    ----------
-    images : tuple of (height, width) float32
-        One a camera.
-    masks : tuple of (height, width) bool
-        True where a pixel is usable.
-    noise : tuple of NoiseModel
-        Of each image.
-    absorption : Absorption
-        Of gas that is known, or was found.
-    sets_scale : tuple of bool, optional
-        The cameras whose gains have the mean 1, those of calibrated brightness; all when None.
-    blur : tuple of float, optional
-        The variance of each image's blur, in squared pixels; 0 when None.
-    supersample : int
-        Rays along each side of a pixel.
-    pixel : int
-        Width of a pixel, in those of the images as recorded.
-    light : float, optional
-        The brightest light of a film that this is a frame of; that of its own images when None.
-    device : Device, optional
-        Where products with its equations are computed; on the CPU when None.
-    """
+    """The images of one frame, and the cameras, noise and gas that they are seen through."""
 
     rig: Rig
-    images: Images
-    masks: Masks
+    images: Images  # one (height, width) float32 a camera
+    masks: Masks  # (height, width) each: True where a pixel is usable
     noise: tuple[NoiseModel, ...]
     grid: VoxelGrid
-    absorption: Absorption = TRANSPARENT
+    absorption: Absorption = TRANSPARENT  # of gas that is known, or was found
     sets_scale: tuple[bool, ...] | None = None
+    """Whether gains have the mean 1, of calibrated brightness; all: None."""
     blur: tuple[float, ...] | None = None
-    supersample: int = 1
-    pixel: int = 1
-    light: float | None = None
-    device: Device | None = None
+    """Variance of each image's blur, in squared pixels; 0: None."""
+    supersample: int = 1  # rays along each side of a pixel
+    pixel: int = 1  # width of a pixel, in those of the images as recorded
+    light: float | None = None  # the brightest of a film that this is a frame of; its own: None
+    device: Device | None = None  # where products with its equations are computed; the CPU: None
 
     @cached_property
     def brightest(self) -> float:

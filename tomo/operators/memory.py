@@ -40,18 +40,10 @@ LONGEST_TRACED = 2**14
 
 @dataclass(frozen=True)
 class MemoryNeed:
-    """An estimate of what a reconstruction takes.
+    """An estimate of what a reconstruction takes."""
 
-    Attributes
-    ----------
-    rays : int
-        Rays that meet the grid.
-    segments : int
-        Segments of rays in voxels.
-    """
-
-    rays: int
-    segments: int
+    rays: int  # that meet the grid
+    segments: int  # of rays in voxels
     voxels: int
     nbytes: int
 
@@ -148,23 +140,11 @@ def choose_form(
     midpoints: bool = False,
     available: int | None = None,
 ) -> tuple[str, str]:
-    """Return the form of projector that fits in memory, and the reason.
+    """Return the form of projector that fits in memory, and the reason, or raise ValueError.
 
     A stored matrix is the fastest; where it does not fit, segment lengths are computed at every
-    product.
-
-    Parameters
-    ----------
-    wanted : {"auto", "stored", "on-the-fly"}
-    needs_matrix : bool
-        Whether the method goes through the matrix entries: the form is then stored.
-    available : int, optional
-        Bytes that may be used; what the system has free when None.
-
-    Raises
-    ------
-    ValueError
-        If the form is unknown, cannot serve the method, or does not fit.
+    product. ``wanted`` is "auto", or the form to take; a method that ``needs_matrix`` takes the
+    stored one. ``available`` are the bytes that may be used, what the system has free when None.
     """
     forms = ("auto", STORED, ON_THE_FLY)
     if wanted not in forms:

@@ -18,24 +18,12 @@ _SEGMENTS = 4_000_000  # in the larger sample: more take over a second, fewer ti
 
 @dataclass(frozen=True)
 class Effort:
-    """The memory and time of a reconstruction from all pixels, dark ones included.
-
-    Attributes
-    ----------
-    need : MemoryNeed
-        Rays, segments and bytes.
-    form : str
-        The form of the projector: ``stored`` or ``on-the-fly``.
-    trace_seconds : float
-        Time to set up the projector, once for a rig and a grid.
-    iteration_seconds : float
-        Time of one product with the projector and one with its transpose.
-    """
+    """The memory and time of a reconstruction from all pixels, dark ones included."""
 
     need: MemoryNeed
-    form: str
-    trace_seconds: float
-    iteration_seconds: float
+    form: str  # of the projector: ``stored`` or ``on-the-fly``
+    trace_seconds: float  # to set up the projector, once for a rig and a grid
+    iteration_seconds: float  # of one product with the projector and one with its transpose
 
 
 def estimate_effort(rig: Rig, grid: VoxelGrid, *, available: int | None = None) -> Effort:

@@ -55,29 +55,14 @@ DARK = (0.0, 1e-3, 10)
 
 @dataclass(frozen=True)
 class Choice:
-    """How to reconstruct, and why.
+    """How to reconstruct, and why."""
 
-    Attributes
-    ----------
-    width : float
-        Standard deviation of the Gaussian basis, in voxels; 0 for none.
-    strength : float
-        Strength of the prior on relative curvature, see `tomo.solvers.curvature`; 0 for none, with
-        pixels as counts, see `tomo.solvers.mlem`.
-    held_out_residual : float
-        Relative residual of the left-out pixels; NaN if none could be left out.
-    reason : str
-        Why, in words.
-    tried : tuple of (width, strength, iterations, held-out residual)
-        One line for each setting, at its best iteration.
-    """
-
-    width: float
-    strength: float
+    width: float  # standard deviation of the Gaussian basis, in voxels; 0 for none
+    strength: float  # of `tomo.solvers.curvature`; 0: pixels as counts, `tomo.solvers.mlem`
     iterations: int
-    held_out_residual: float
-    reason: str = ""
-    tried: tuple[Tried, ...] = ()
+    held_out_residual: float  # relative, of left-out pixels; NaN if none could be left out
+    reason: str = ""  # why, in words
+    tried: tuple[Tried, ...] = ()  # each setting at its best iteration
 
     @property
     def method(self) -> str:

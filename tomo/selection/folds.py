@@ -61,23 +61,17 @@ def blocks_to_leave_out(blocks: NDArray[np.int64], number: int = 0) -> NDArray[n
 class Fold:
     """Pixels to reconstruct from, and left-out pixels to predict.
 
-    Attributes
-    ----------
-    training_pixels, left_out_pixels : (pixels,) float32
-        Those of the training where its products are computed.
-    blocks : (left-out pixels,) int64
-        Consecutive numbers: errors are summed over the pixels of a block.
-    training_weights, left_out_weights : (pixels,) float32, optional
-        Weights of the squared residuals, in training and evaluation; all 1 when None.
+    Those of the training, and their weights, are where its products are computed.
     """
 
     training: ProjectionOperator
-    training_pixels: NDArray[np.float32]
+    training_pixels: NDArray[np.float32]  # (pixels,)
     left_out: ProjectionOperator
-    left_out_pixels: NDArray[np.float32]
+    left_out_pixels: NDArray[np.float32]  # (left-out pixels,)
     blocks: NDArray[np.int64]
-    training_weights: NDArray[np.float32] | None = None
-    left_out_weights: NDArray[np.float32] | None = None
+    """(left-out pixels,): consecutive numbers, over whose pixels errors are summed."""
+    training_weights: NDArray[np.float32] | None = None  # of the squared residuals; all 1: None
+    left_out_weights: NDArray[np.float32] | None = None  # the same
 
     @classmethod
     def leaving_out(

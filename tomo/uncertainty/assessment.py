@@ -58,30 +58,18 @@ _RESOLUTION_WORDS = (
 class Assessment:
     """How far a reconstruction can be trusted.
 
-    Attributes
-    ----------
-    active : ActiveVoxels
-        The unknowns.
-    volume : (unknowns,) float32
-    residual, noise : float
-        Root mean squares of the images' residual and noise over that of the images; NaN where
-        unknown, and for dark images.
-    deviations : Deviations, optional
-        None if the reconstruction was not repeated.
-    resolution : Resolution, optional
-        None if it was not measured, or nothing emits.
-    intervals : Intervals, optional
-        None where too few voxels emit.
+    ``residual`` and ``noise`` are root mean squares of the images' over that of the images; NaN
+    where unknown, and for dark images.
     """
 
-    active: ActiveVoxels
-    volume: NDArray[np.float32]
+    active: ActiveVoxels  # the unknowns
+    volume: NDArray[np.float32]  # (unknowns,)
     coverage: AngularCoverage
     residual: float
     noise: float
-    deviations: Deviations | None = None
-    resolution: Resolution | None = None
-    intervals: Intervals | None = None
+    deviations: Deviations | None = None  # None if the reconstruction was not repeated
+    resolution: Resolution | None = None  # None if it was not measured, or nothing emits
+    intervals: Intervals | None = None  # None where too few voxels emit
 
     def __repr__(self) -> str:
         """Name the size and the deviation by noise."""
@@ -181,31 +169,13 @@ def assess(
 ) -> Assessment:
     """Return how far a reconstruction can be trusted.
 
-    Parameters
-    ----------
-    system : LinearSystem
-        The system that was solved, on voxel means.
-    measured : (pixels,) float32
-        The images, gains corrected.
-    volume : (nx, ny, nz) float32
-    solve : callable, optional
-        The solve, to repeat. Without it there is no standard deviation and no resolution.
-    solve_of : callable, optional
-        The same solve from a start of its own, also of a part of the volume; ``solve`` when None.
-    cuttable : ProjectionOperator, optional
-        The projection that parts are cut from: then `AUTO_REPEATS` repeats are those of a slab.
-    light_error : float
-        Relative standard deviation of the total light by what was found of cameras and gas.
-    repeats : int
-        Repeats with new noise; one more solve measures the resolution. More than `AUTO_REPEATS`
-        are solves of the whole volume beside these. 0 for none.
-    seed : int
-        Seed of the noise.
-
-    Raises
-    ------
-    ValueError
-        If the number of repeats is negative or 1.
+    ``system`` is the one that was solved, on voxel means, ``measured`` (pixels,) the images, gains
+    corrected. Without a ``solve`` to repeat there is no standard deviation and no resolution.
+    ``solve_of`` is the same from a start of its own, also of a part of the volume. Parts are cut
+    from ``cuttable``: `AUTO_REPEATS` repeats are then those of a slab. ``light_error`` is the
+    relative standard deviation of the total light by what was found of cameras and gas.
+    ``repeats``, 0 or from 2 on, are with new noise; one more solve measures the resolution, and
+    more than `AUTO_REPEATS` are solves of the whole volume beside these.
     """
     if not (repeats == 0 or repeats >= AUTO_REPEATS) or repeats % 1:
         raise ValueError(f"uncertainty: found {repeats} repeats, expected 0, or 2 or more")

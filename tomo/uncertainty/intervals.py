@@ -43,28 +43,19 @@ FEWEST = 20
 class Intervals:
     """Half-widths of 90 % intervals; together is at least the noise alone.
 
-    Attributes
-    ----------
-    active : ActiveVoxels
-        The unknowns, of the voxels' arrays.
-    noise, structure, together : (unknowns,) float32
-        ``together² = noise² + structure²``, in the volume's unit.
-    values : mapping of str to array
-        ``total`` (), ``plane_sums_x`` (nx,), ``..._y``, ``..._z`` and ``edges`` (3, 2).
-    half_widths, noise_of_values : mapping of str to array
-        The same for ``values``, together and by noise.
-    growth : float
-        Factor on the voxels' errors for what neither volume nor noise explains of the images: 1
-        where cameras are as exact as those that the known answer was seen by.
+    ``together² = noise² + structure²``, (unknowns,) each, in the volume's unit. ``growth`` is the
+    factor on the voxels' errors for what neither volume nor noise explains of the images: 1 where
+    cameras are as exact as those that the known answer was seen by.
     """
 
-    active: ActiveVoxels
+    active: ActiveVoxels  # the unknowns, of the voxels' arrays
     noise: NDArray[np.float32]
     structure: NDArray[np.float32]
     together: NDArray[np.float32]
     values: Mapping[str, NDArray[np.float64]]
-    half_widths: Mapping[str, NDArray[np.float64]]
-    noise_of_values: Mapping[str, NDArray[np.float64]]
+    """``total`` (), ``plane_sums_x`` (nx,), ``..._y``, ``..._z`` and ``edges`` (3, 2)."""
+    half_widths: Mapping[str, NDArray[np.float64]]  # the same for ``values``, together
+    noise_of_values: Mapping[str, NDArray[np.float64]]  # the same by noise
     growth: float = 1.0
 
     @property

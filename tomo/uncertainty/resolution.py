@@ -31,20 +31,12 @@ PIXEL = (8 * np.log(2) / 12) ** 0.5
 
 @dataclass(frozen=True, eq=False)
 class Resolution:
-    """The widths of reconstructed spots of one voxel.
-
-    Attributes
-    ----------
-    spots : (n,) int64
-        Flat voxel numbers.
-    widths : (n, 3) float64
-        Full width at half maximum along x, y and z in voxels; at most ``2 REACH``, which stands
-        for wider ones too.
-    """
+    """The widths of reconstructed spots of one voxel."""
 
     grid: VoxelGrid
-    spots: NDArray[np.int64]
+    spots: NDArray[np.int64]  # (n,): flat voxel numbers
     widths: NDArray[np.float64]
+    """(n, 3): full widths at half maximum along x, y, z in voxels, at most ``2 REACH``."""
 
     def report(self) -> Mapping[str, Any]:
         """Return medians and 90 % quantiles, in voxels and in the grid's unit."""
@@ -143,25 +135,14 @@ SAMPLED = 150
 
 @dataclass(frozen=True, eq=False)
 class AngularCoverage:
-    """How the views cover the unknowns.
+    """How the views cover the unknowns."""
 
-    Attributes
-    ----------
-    views : (unknowns,) int64
-        Views with a usable pixel whose rays cross the voxel.
-    emitting : (unknowns,) bool
-        True above `EMITTING` times the brightest voxel.
-    resolved : ResolvedWavelength, optional
-        The details that the views measure of the emission; None where no voxel emits.
-    pixel : float
-        Median pixel size at emitting voxels, across the line of sight, in the rig's unit; NaN if
-        unknown.
-    """
-
-    views: NDArray[np.int64]
-    emitting: NDArray[np.bool_]
+    views: NDArray[np.int64]  # (unknowns,): views with a usable pixel whose rays cross the voxel
+    emitting: NDArray[np.bool_]  # (unknowns,): above `EMITTING` times the brightest
     resolved: ResolvedWavelength | None
+    """Details that the views measure; None where no voxel emits."""
     pixel: float
+    """Median size at emitting voxels, across the line of sight, in rig's unit; NaN if unknown."""
     length_unit: str
 
     @property

@@ -63,20 +63,8 @@ class DeviceError(RuntimeError):
 class CudaDevice:
     """A CUDA device, through CuPy: arrays on it are of a type of its own.
 
-    Parameters
-    ----------
-    number : int
-        As CUDA counts the devices.
-
-    Attributes
-    ----------
-    count : int
-        How many devices there are.
-
-    Raises
-    ------
-    DeviceError
-        If CuPy, the driver or the device is missing; later, where the device fails.
+    ``number`` is CUDA's, ``count`` how many devices there are. `DeviceError`: CuPy, the driver or
+    the device is missing; later, the device fails.
     """
 
     def __init__(self, number: int = 0) -> None:

@@ -34,20 +34,12 @@ MOST_VOXELS = 2**31 - 1
 def on_device(
     operator: ProjectionOperator, device: Device | None = None
 ) -> tuple[ProjectionOperator, str]:
-    """Return the same operator on a device, and where it is; or itself, and why.
+    """Return the same operator on a device, the first one, and where it is; or itself, and why.
 
-    Parameters
-    ----------
-    operator : ProjectionOperator
-        Blobs around the rays stay on the CPU: such an operator takes NumPy's arrays only.
-    device : Device, optional
-        The first CUDA device when None.
-
-    Notes
-    -----
     The products of a hundred pixels, spread over all, are compared with the CPU's, and a second
     adjoint with the first, bit by bit. It is the CPU's operator that a difference, an error of the
-    device, or too little memory returns.
+    device, or too little memory returns. Blobs around the rays stay on the CPU: such an operator
+    takes NumPy's arrays only.
     """
     try:
         device = CudaDevice() if device is None else device
@@ -62,10 +54,7 @@ def on_device(
 def to_device(operator: ProjectionOperator, device: Device) -> ProjectionOperator:
     """Return the same operator on a device, without a comparison.
 
-    Raises
-    ------
-    DeviceError
-        If it does not fit, has no kind of its own there, or the device fails.
+    `DeviceError`: it does not fit, has no kind of its own there, or the device fails.
     """
     return _moved(operator, device, _slabs(operator, device))
 

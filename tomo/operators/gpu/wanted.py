@@ -24,14 +24,8 @@ logger = logging.getLogger(__name__)
 def device_for(name: str, work: float) -> tuple[CudaDevice | None, str]:
     """Return the device that is asked for and where that is; or None, and why.
 
-    ``auto`` takes the first device where there is one and the ``work``, segments times
-    iterations, is worth it.
-
-    Raises
-    ------
-    ValueError
-        If a device that is asked for by name cannot be used, in one line: the extra, a driver or
-        the device is missing, or the kernels do not compile.
+    ``auto`` takes the first device where there is one and the ``work``, segments times iterations,
+    is worth it. ValueError, in one line: one that is asked for by name cannot be used.
     """
     number = device_number(name)
     if name == CPU:
@@ -49,13 +43,7 @@ def device_for(name: str, work: float) -> tuple[CudaDevice | None, str]:
 
 
 def device_count(name: str) -> int:
-    """Return how many devices there are, where one is asked for by ``name``.
-
-    Raises
-    ------
-    ValueError
-        If there is none, in one line.
-    """
+    """Return how many devices there are, where one is asked for by ``name``; ValueError: none."""
     try:
         return CudaDevice().count
     except DeviceError as error:
@@ -67,13 +55,8 @@ def taken_to(
 ) -> tuple[ProjectionOperator, str]:
     """Return the same operator on the device that is asked for, or itself, and where that is.
 
-    ``name`` and ``work`` as of `device_for`.
-
-    Raises
-    ------
-    ValueError
-        If a device that is asked for by name cannot be used, see `device_for`, or has too little
-        memory, or computes something else than the CPU.
+    As `device_for`; one that is asked for by name may also have too little memory, or compute
+    something else than the CPU.
     """
     device, place = device_for(name, work)
     if device is None:

@@ -15,19 +15,11 @@ from tomo.rays import Rays
 class AttenuatedProjector(ProjectionOperator):
     """The matrix of segments that count by the light that arrives, computed at every product.
 
-    Parameters
-    ----------
-    rays : OnTheFlyProjector
-        The rays without absorption.
-    emission : (unknowns,), optional
-        ``E`` of the active voxels; needed where ``absorption.emission`` is not 0.
-
-    Notes
-    -----
-    The emission in front of a segment is summed up while a ray is walked: running sums along an
-    axis, which `OnTheFlyProjector` is fast by, cannot serve. Rays are therefore traced at every
-    product, some at a time, and both products go through the entries of that chunk: the adjoint is
-    exact. It takes some five times as long, and the memory of one chunk's segments.
+    ``emission`` (unknowns,) is needed where ``absorption.emission`` is not 0. What is in front of
+    a segment is summed up while a ray is walked: running sums along an axis, which
+    `OnTheFlyProjector` is fast by, cannot serve. Rays are therefore traced at every product, some
+    at a time, and both products go through the entries of that chunk: the adjoint is exact. It
+    takes some five times as long, and the memory of one chunk's segments.
     """
 
     def __init__(
