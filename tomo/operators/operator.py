@@ -116,7 +116,7 @@ class ProjectionOperator(LinearOperator):
         return change(self)
 
     def of_unknowns(self, kept: NDArray[np.bool_]) -> Self:
-        """Return the operator of some unknowns, ``kept`` (unknowns,) bool, where it is stored."""
+        """Return the operator of unknowns ``kept`` (unknowns,) bool; ValueError: not stored."""
         if not self.is_stored:
             raise ValueError("unknowns to keep: found entries that are not stored")
         return self.with_rays(lambda rays: rays.of_unknowns(kept))
@@ -178,7 +178,7 @@ class ProjectionOperator(LinearOperator):
         return self._taken(self.pixels_of(views), np.cumsum(counts))
 
     def pixels_of(self, views: Sequence[int]) -> NDArray[np.int64]:
-        """Return the pixel numbers of ``views``, one view after another."""
+        """Return the pixel numbers of ``views``, one after another; ValueError: there is none."""
         for view in views:
             if not 0 <= view < self.n_views:
                 raise ValueError(f"view: found {view}, expected 0 to {self.n_views - 1}")
@@ -186,7 +186,7 @@ class ProjectionOperator(LinearOperator):
         return np.concatenate([np.zeros(0, np.int64), *spans])
 
     def take(self, pixels: NDArray[np.integer]) -> Self:
-        """Return the operator of some pixels, in ascending order; views stay views."""
+        """Return the operator of some pixels; views stay views. ValueError: they do not ascend."""
         if (np.diff(pixels) <= 0).any():
             raise ValueError("pixels to take: expected ascending numbers")
         return self._taken(pixels, np.searchsorted(pixels, self.view_ptr))

@@ -145,7 +145,7 @@ class LinearSystem:
     def with_lens_blur(self, diameter: float) -> LinearSystem:
         """Return the same equations for lenses out of focus, see `tomo.operators.lens_blur`.
 
-        ``diameter``, above 0, is that of the disc at the grid's centre.
+        ``diameter`` is that of the disc at the grid's centre; ValueError: no number above 0.
         """
         blur = lens_blur(self.rig, self.pixels, self.projector.grid, diameter)
         return replace(self, projector=blur @ self.projector)
@@ -156,7 +156,8 @@ class LinearSystem:
         """Return the same equations for emission that is linear between voxel centres.
 
         ``supersample`` is that of the equations. ``variances`` are those of a further blur of each
-        camera's image, in squared pixels.
+        camera's image, in squared pixels. ValueError: the grid's centre is behind a camera, or the
+        blur would not fit in memory.
         """
         seen = self.projector.row_sums > 0
         blur = footprint_blur(
@@ -242,7 +243,10 @@ class LinearSystem:
         return silent.reshape(active.grid.shape)
 
     def flatten(self, images: Sequence[NDArray[np.float32]]) -> NDArray[np.float32]:
-        """Return the pixels that take part, view after view: ``(pixels,)``; one image a camera."""
+        """Return the pixels that take part, view after view: ``(pixels,)``.
+
+        ValueError: it is not one image a camera, each of its camera's size.
+        """
         check_sizes("images", images, self.rig)
         return np.concatenate(
             [image.ravel()[kept] for image, kept in zip(images, self.pixels, strict=True)]

@@ -53,12 +53,18 @@ class LightUnit:
 
     @classmethod
     def of_radiance(cls, text: str) -> Self:
-        """Return the unit of radiance that a text names; ``W`` and ``photons`` are short names."""
+        """Return the unit of radiance that a text names, or raise ValueError.
+
+        ``W`` and ``photons`` are short names.
+        """
         return cls._parsed(text, 2, "of radiance like W/m^2/sr or photons/s/m^2/sr, per nm too")
 
     @classmethod
     def of_emission(cls, text: str) -> Self:
-        """Return the unit of emission that a text names; ``W`` and ``photons`` are short names."""
+        """Return the unit of emission that a text names, or raise ValueError.
+
+        ``W`` and ``photons`` are short names.
+        """
         return cls._parsed(text, 3, "of emission like W/m^3/sr or photons/s/m^3/sr")
 
     @classmethod
