@@ -107,12 +107,7 @@ LIT = 8
 
 @dataclass(frozen=True)
 class DeadLines:
-    """The dead rows and columns of an image, from 0.
-
-    Attributes
-    ----------
-    rows, columns : tuple of int
-    """
+    """The dead rows and columns of an image, from 0."""
 
     rows: tuple[int, ...] = ()
     columns: tuple[int, ...] = ()

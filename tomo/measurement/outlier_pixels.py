@@ -38,24 +38,15 @@ def find_outlier_pixels(
 ) -> NDArray[np.bool_]:
     """Return the usable pixels that are outliers, ``(height, width)`` bool.
 
-    Parameters
-    ----------
-    image : (height, width)
-    mask : (height, width) bool, optional
-        True where a pixel is usable as far as is known; the others are ignored.
-    noise : NoiseModel, optional
-        The image's noise; estimated when None.
-
-    Notes
-    -----
-    Each of the four lines through a pixel predicts it by the mean of its two neighbours on that
-    line. The prediction is the mean of the second and third largest: one outlying neighbour does
-    not move it. On a smooth image the deviation is the curvature, which neighbours have as well.
-    A pixel is an outlier when its deviation exceeds three times the sum of the sixth largest
-    deviation of the 24 around it, three standard deviations of the noise, one photon and 1.5 % of
-    the image's brightest light, and when it lies beyond all four predictions: along a crease, as
-    at the edge of a box, one of them holds. A lens spreads real light: where three of the four
-    adjacent pixels are raised as well, by a third of its deviation, the spot is real.
+    Pixels that are not usable by ``mask`` are ignored; the noise is estimated when None. Each of
+    the four lines through a pixel predicts it by the mean of its two neighbours on that line. The
+    prediction is the mean of the second and third largest: one outlying neighbour does not move
+    it. On a smooth image the deviation is the curvature, which neighbours have as well. A pixel is
+    an outlier when its deviation exceeds three times the sum of the sixth largest deviation of the
+    24 around it, three standard deviations of the noise, one photon and 1.5 % of the image's
+    brightest light, and when it lies beyond all four predictions: along a crease, as at the edge
+    of a box, one of them holds. A lens spreads real light: where three of the four adjacent pixels
+    are raised as well, by a third of its deviation, the spot is real.
     """
     image = np.asarray(image, np.float32)
     usable = np.isfinite(image)

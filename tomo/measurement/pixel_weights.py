@@ -34,18 +34,11 @@ is dark by its own noise would weigh more."""
 
 @dataclass(frozen=True, eq=False)
 class PixelWeights:
-    """The weights of the pixels of some images.
-
-    Attributes
-    ----------
-    images : tuple of (height, width) float32, optional
-        Inverse variances over the largest of all; None where all pixels weigh alike.
-    variance_ratio : float
-        The largest variance over the smallest, or an upper bound of it.
-    """
+    """The weights of the pixels of some images."""
 
     images: tuple[NDArray[np.float32], ...] | None
-    variance_ratio: float
+    """Inverse variances over the largest of all; None where all pixels weigh alike."""
+    variance_ratio: float  # of the largest variance to the smallest, or an upper bound of it
 
     def report(self) -> dict[str, Any]:
         """Return plain values."""

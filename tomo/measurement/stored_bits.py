@@ -24,24 +24,12 @@ of a drawing."""
 
 @dataclass(frozen=True)
 class StoredBits:
-    """What the numbers of an image of 16 bits say about the camera's.
+    """What the numbers of an image of 16 bits say about the camera's."""
 
-    Attributes
-    ----------
-    largest : int
-        The largest number in the image.
-    pixels : int
-        How many have it.
-    bits : int or None
-        The bits that the camera uses, where the numbers show fewer than 16.
-    shift : int
-        By how many bits its numbers were shifted up: 4 where 12 bits are multiples of 16.
-    """
-
-    largest: int
-    pixels: int
-    bits: int | None = None
-    shift: int = 0
+    largest: int  # number in the image
+    pixels: int  # how many have it
+    bits: int | None = None  # that the camera uses, where the numbers show fewer than 16
+    shift: int = 0  # bits that its numbers were shifted up by: 4 where 12 bits are multiples of 16
 
     @property
     def full_scale(self) -> int:

@@ -23,15 +23,10 @@ the exponential bends."""
 
 @dataclass(frozen=True)
 class Absorbing(OfOneParameter):
-    """``A(p) x`` through gas of the optical depth ``p``.
+    """``A(p) x`` through gas of the optical depth ``p``, of prior standard deviation ``sigma``.
 
-    Parameters
-    ----------
-    own : bool
-        Whether the gas absorbs its own light: ``p`` is the depth along the brightest line of
-        sight. Else a medium fills the grid, and ``p`` is the depth across it.
-    sigma : float
-        Prior standard deviation of the depth.
+    ``own``: the gas absorbs its own light, ``p`` is the depth along the brightest line of sight.
+    Else a medium fills the grid, and ``p`` is the depth across it.
     """
 
     own: bool
@@ -81,18 +76,12 @@ ONE_SIDED = 0.5
 
 @dataclass(frozen=True)
 class Absorber:
-    """``A(p) x`` through an extinction ``p``, trilinear between the nodes of a coarse grid.
+    """``A(p) x`` through an extinction ``p``, trilinear between nodes that span a ``grid``'s box.
 
     Beer and Lambert's law holds along the segments: a voxel has the mean of the field in it. The
     prior is exponential. Most places have no gas, and one whose nodes explain no more than their
-    prior costs has exactly none.
-
-    Parameters
-    ----------
-    grid : VoxelGrid
-        The box that the nodes span, from corner to corner.
-    sigma : float
-        Depth across a cell that is usual for gas that is there: steps end at a tenth of it.
+    prior costs has exactly none. ``sigma`` is the depth across a cell that is usual for gas that
+    is there: steps end at a tenth of it.
     """
 
     grid: VoxelGrid

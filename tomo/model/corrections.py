@@ -18,26 +18,16 @@ Values = Mapping[str, NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class Corrections:
-    """The values of the effects, and pixels that nothing explains.
+    """The values of the effects, and pixels that nothing explains."""
 
-    Attributes
-    ----------
-    names : tuple of str
-        The cameras, in the order of the values' rows.
-    values : mapping of str to (views, parameters) float64
-        By effect; motions in pixels of the images as recorded.
-    absorption : Absorption
-        Of all gas, known and found.
-    untrusted : mapping of str to (height, width) bool
-        By camera: pixels that show what neither the volume nor an effect explains.
-    """
-
-    names: tuple[str, ...]
+    names: tuple[str, ...]  # the cameras, in the order of the values' rows
     grid: VoxelGrid
     effects: tuple[Effect, ...] = ()
     values: Values = field(default_factory=dict)
-    absorption: Absorption = TRANSPARENT
+    """By effect (views, parameters); motions in pixels as recorded."""
+    absorption: Absorption = TRANSPARENT  # of all gas, known and found
     untrusted: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
+    """By camera (height, width): neither volume nor effect explains what the pixel shows."""
 
     def __repr__(self) -> str:
         """Name the effects that are not zero."""

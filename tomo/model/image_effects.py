@@ -18,10 +18,7 @@ from tomo.model.observation import Images, Observation
 class Gain(OfOneParameter):
     """``b = exp(p) (A x)``: the logarithm of each view's exposure, aperture and sensitivity.
 
-    Parameters
-    ----------
-    sigma : float
-        Prior standard deviation: exposures and lenses of one kind differ by some per cent.
+    ``sigma`` is its prior standard deviation: those of one kind differ by some per cent.
     """
 
     sigma: float = 0.05
@@ -48,10 +45,8 @@ class Gain(OfOneParameter):
 class Background(OfOneParameter):
     """``b = A x + p``: a level beside the light of the volume, in the unit of the images.
 
-    Parameters
-    ----------
-    sigma : float
-        Prior standard deviation, a fraction of the brightest light: dark levels drift by less.
+    ``sigma`` is its prior standard deviation, a fraction of the brightest light: levels drift by
+    less.
     """
 
     sigma: float = 0.01
@@ -78,10 +73,7 @@ class Background(OfOneParameter):
 class FallOff(OfOneParameter):
     """``b = (1 - p r²) (A x)``: vignetting, with ``r`` one in the corners of an image.
 
-    Parameters
-    ----------
-    sigma : float
-        Prior standard deviation of the loss in the corners: that of usual lenses.
+    ``sigma`` is the prior standard deviation of the loss there: that of usual lenses.
     """
 
     sigma: float = 0.2
@@ -111,12 +103,8 @@ class Blur(OfOneParameter):
     """``b = A x + p / 2 lap(A x)``: a blur of variance ``p``, in squared pixels, to first order.
 
     A lens out of focus, or a flame that moved while it was exposed. It is not taken out of images,
-    where noise would grow, but put into the equations.
-
-    Parameters
-    ----------
-    sigma : float
-        Prior standard deviation: that of a blur by as many pixels as its root.
+    where noise would grow, but put into the equations. ``sigma`` is the prior standard deviation:
+    that of a blur by as many pixels as its root.
     """
 
     sigma: float = 2.0

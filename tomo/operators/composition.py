@@ -174,14 +174,7 @@ class BasisProjector(_OfRays, ArrayProducts):
     """The projection ``A M`` whose unknowns are coefficients of other basis functions.
 
     Subclasses say what ``M`` does, `to_voxels` and its adjoint, and how they are made of another
-    projection of the same unknowns.
-
-    Parameters
-    ----------
-    projector : ProjectionOperator
-        ``A``.
-    active : ActiveVoxels, optional
-        The unknowns of ``A M``; those of ``A`` when None.
+    projection ``A`` of the same unknowns. ``active`` are those of ``A M``, or of ``A`` when None.
     """
 
     def __init__(self, projector: ProjectionOperator, active: ActiveVoxels | None = None) -> None:

@@ -13,21 +13,11 @@ from tomo.operators.system import LinearSystem, VolumeNotSeenError
 
 
 def image_of(volume: Volume, camera: CameraLike, supersample: int = 1) -> NDArray[np.float32]:
-    """Return the image of a volume in a camera: line integrals, exact for voxels.
+    """Return the image of a volume in a camera, ``(rows, columns)``: line integrals of voxels.
 
-    Parameters
-    ----------
-    volume : Volume
-        The mean emission of every voxel; NaN emits nothing.
-    camera : CameraLike
-        In the volume's unit of length; what it looks through, glass and gas, is followed.
-    supersample : int
-        Rays along each side of a pixel, whose mean a pixel is.
-
-    Returns
-    -------
-    (rows, columns) float32
-        In the volume's unit times its unit of length; zero where a pixel does not see the grid.
+    In the volume's unit times its unit of length, which is the camera's; what that looks through,
+    glass and gas, is followed. Zero where a pixel does not see the grid; NaN emits nothing. A
+    pixel is the mean of ``supersample`` rays along each side.
     """
     rig = Rig((camera,))
     try:

@@ -129,13 +129,7 @@ focus_distance=None, aperture_rays=32)
     def rays(
         self, camera: CameraLike, pixels: NDArray[np.integer] | None = None, supersample: int = 1
     ) -> Rays:
-        """Return the rays of a camera's pixels, see `Rays.from_camera`.
-
-        Raises
-        ------
-        ValueError
-            If no aperture is known, or a pixel looks along or away from the plane in focus.
-        """
+        """Return the rays of a camera's pixels, see `Rays.from_camera`."""
         lens = self._lens(camera)
         count = 1 if lens is None else self.aperture_rays
         return Rays.from_camera(camera, pixels, supersample, count, aperture=lens)

@@ -27,19 +27,11 @@ CALIBRATED = 20
 
 @dataclass(frozen=True, eq=False)
 class Deviations:
-    """The result of repeating a reconstruction with new noise.
+    """The result of repeating a reconstruction with new noise."""
 
-    Attributes
-    ----------
-    values : (unknowns,) float32
-        Standard deviation in the volume's unit.
-    noise : (pixels,) float64
-        Standard deviation of the pixels' noise.
-    """
-
-    values: NDArray[np.float32]
+    values: NDArray[np.float32]  # (unknowns,): standard deviation in the volume's unit
     repeats: int
-    noise: NDArray[np.float64]
+    noise: NDArray[np.float64]  # (pixels,): the pixels' standard deviation
 
     @property
     def scatter(self) -> float:
