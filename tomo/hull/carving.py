@@ -99,48 +99,25 @@ def carve(
 ) -> Carving:
     """Find the voxels that dark pixels prove empty.
 
-    Parameters
-    ----------
-    cameras : sequence of CameraLike
-    images : sequence of (height, width)
-        Intensities, one image per camera.
-    masks : sequence of (height, width) bool, optional
-        True where a pixel is usable. An unusable pixel proves nothing.
-    grid : VoxelGrid
-    margin : float or "auto"
-        Pixels by which the cameras may point wrongly; ``auto`` finds the smallest margin that
-        leaves no view's light unexplained. Infinite: nothing is carved.
-    threshold : float or "auto"
-        The intensity up to which a pixel is dark; ``auto`` takes it from the noise.
-    votes : int or "auto"
-        Views that must find a voxel dark.
-    views : sequence of int, optional
-        The cameras that vote; all when None. Pixels are returned for the others too.
-    noise : sequence of NoiseModel, optional
-        One an image; estimated when None.
-
-    Raises
-    ------
-    ValueError
-        If images or masks do not fit the cameras, or a setting is out of range.
-
-    Notes
-    -----
-    A view finds a voxel dark when its projected box, grown by the margin, touches no bright pixel.
-    A box that contains an unusable pixel or leaves the image is not dark. With exact cameras and
-    images without noise a voxel that emits is dark in no view: what remains holds the visual hull
-    (Laurentini, "The visual hull concept for silhouette-based image understanding", IEEE PAMI 16,
-    1994), and that holds the emission.
+    A view finds a voxel dark when its projected box, grown by the ``margin`` in pixels by which
+    the cameras may point wrongly, touches no pixel above the ``threshold``, which comes from the
+    noise. A box that contains an unusable pixel (``masks``) or leaves the image is not dark. With
+    exact cameras and images without noise a voxel that emits is dark in no view: what remains
+    holds the visual hull (Laurentini, "The visual hull concept for silhouette-based image
+    understanding", IEEE PAMI 16, 1994), and that holds the emission. At an infinite margin nothing
+    is carved. Some ``views`` may vote, all when None; pixels are returned for the others too.
 
     Inexact cameras contradict each other: one carves away what another sees, whose bright pixels
     then meet no active voxel. The margin grows until at most a thousandth of the bright light of
     any view is unexplained, and at most half a per cent of all light. Where no margin suffices,
-    one more view must agree; where two more do not suffice either, nothing is carved.
+    one more view must agree (``votes``); where two more do not suffice either, nothing is carved.
 
     Emission that an image cuts shows at its border. Boxes that leave an image are therefore tested
     by the nearest pixels of its border as well, and voxels that are dark by these are carved too,
     unless that leaves more light of any view unexplained: a second flame may lie out of one
     camera's view.
+
+    ValueError: images or masks do not fit the cameras, or a setting is out of range.
     """
     _check(cameras, images, masks, margin, threshold, votes)
     lattices = Lattice.of_all(cameras, grid)

@@ -39,24 +39,11 @@ def visual_hull(
 ) -> VisualHull:
     """Return the voxels that no silhouette excludes, and the pixels that see them.
 
-    Parameters
-    ----------
-    silhouettes : sequence of (height, width) bool
-        True where a pixel sees the thing, one image a camera.
-    grid : VoxelGrid
-        Voxels as wide as a pixel or two: the hull is larger than the thing by up to a voxel.
-    masks : sequence of (height, width) bool, optional
-        True where a pixel is usable; others exclude nothing.
-    votes : int
-        Views that must exclude a voxel, 1 to 255; more than one where cameras are inexact.
+    ``silhouettes`` are True where a pixel sees the thing, ``masks`` where it is usable: others
+    exclude nothing. Voxels are to be as wide as a pixel or two: the hull is larger than the thing
+    by up to a voxel. ``votes`` are the views that must exclude a voxel, 1 to 255; more than one
+    where cameras are inexact. ValueError: images do not fit the cameras.
 
-    Raises
-    ------
-    ValueError
-        If images do not fit the cameras.
-
-    Notes
-    -----
     Laurentini, "The visual hull concept for silhouette-based image understanding", IEEE PAMI 16,
     1994. Hollows that no silhouette shows are filled.
     """

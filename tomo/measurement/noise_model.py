@@ -74,22 +74,10 @@ def estimate_noise(
 ) -> NoiseModel:
     """Estimate the noise of a camera from an image.
 
-    Parameters
-    ----------
-    image : (height, width)
-    mask : (height, width) bool, optional
-        True where a pixel is usable.
-    expected : (height, width), optional
-        The image without noise as far as it is known, such as a re-projected volume. Its fine
-        structure is not taken for noise, and it gives the signal.
+    ``expected`` (height, width) is the image without noise as far as it is known, such as a
+    re-projected volume. Its fine structure is not taken for noise, and it gives the signal.
+    ``mask`` is True where a pixel is usable. ValueError: they have another shape than the image.
 
-    Raises
-    ------
-    ValueError
-        If ``mask`` or ``expected`` has another shape than the image.
-
-    Notes
-    -----
     The 3 x 3 filter ``[1 -2 1]^T [1 -2 1] / 6`` keeps the variance of white noise and removes
     everything linear along rows or columns. Its output does not correlate with the mean of the
     same nine pixels, by which pixels are sorted into levels of equal count. In each level the

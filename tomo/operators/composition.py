@@ -89,23 +89,10 @@ class _OfRays(ProjectionOperator):
 class ComposedProjector(_OfRays):
     """The projection ``B A`` of rays ``A`` whose images an operator ``B`` maps.
 
-    Parameters
-    ----------
-    images : ImageOperator
-        ``B``, ``(pixels, rays)``, such as an `ImageBlur`.
-    rays : ProjectionOperator
-        ``A``, ``(rays, unknowns)``. Where it is stored, `segments` and `with_lengths` are there.
-    view_ptr : (views + 1,) int, optional
-        The first pixel of each view; that of the rays when None.
-
-    Raises
-    ------
-    ValueError
-        If the image operator takes another number of pixels than ``A`` has rows.
-
-    Notes
-    -----
-    Forward ``B (A x)``, adjoint ``A^T (B^T y)``: each of the two by its own operator.
+    ``images`` is ``B``, ``(pixels, rays)``, such as an `ImageBlur`, ``rays`` is ``A``. Where it is
+    stored, `segments` and `with_lengths` are there. ``view_ptr`` is that of the rays when None.
+    Forward ``B (A x)``, adjoint ``A^T (B^T y)``: each of the two by its own operator. ValueError:
+    ``B`` takes another number of pixels than ``A`` has rows.
     """
 
     rows_are_single_rays = False

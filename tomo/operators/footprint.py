@@ -59,32 +59,19 @@ def footprint_blur(
     """Return the image blur by the footprint of a voxel and by the area of a pixel.
 
     Linear B-splines are voxels blurred by a voxel, ``hat = box * box``, and a projection of a
-    blurred volume is a blurred projection. Segment lengths in voxels along single rays, blurred
-    by the footprint of a voxel and by the area of a pixel, are what pixels see of the linear
-    basis. The footprint is taken to be that of a voxel at the grid's centre.
+    blurred volume is a blurred projection. Segment lengths in voxels along single rays, blurred by
+    the footprint of a voxel and by the area of a pixel, are what pixels see of the linear basis.
+    The footprint is taken to be that of a voxel at the grid's centre.
 
-    Parameters
-    ----------
-    pixels : sequence of (P_v,) int
-        For each camera the flat numbers ``row * width + column`` of the pixels that take part.
-    seen : (pixels,) bool
-        Whether the ray of a pixel meets a voxel. The others show nothing, and count as if they
-        took no part.
-    supersample : int
-        Rays along each side of a pixel, whose mean is given: part of its area is in there.
-    variances : sequence of float, optional
-        For each camera the variance of a further Gaussian blur, in squared pixels; 0 when None.
+    ``pixels`` are each camera's flat numbers ``row * width + column`` that take part, ``seen``
+    (pixels,) whether the ray of one meets a voxel; the others count as if they took no part. Part
+    of a pixel's area is in its ``supersample`` rays along each side. ``variances`` are those of a
+    further Gaussian blur of each camera's image, in squared pixels. The weights of a pixel that
+    sees something sum to one: light from pixels that take no part, outside the image or excluded,
+    is taken to be that of the pixel itself.
 
-    Returns
-    -------
-    ImageBlur
-        The weights of a pixel that sees something sum to one: light from pixels that take no
-        part, outside the image or excluded, is taken to be that of the pixel itself.
-
-    Raises
-    ------
-    ValueError
-        If the grid's centre is behind a camera, or a voxel is wider there than `WIDEST` pixels.
+    ValueError: the grid's centre is behind a camera, or a voxel is wider there than `WIDEST`
+    pixels.
     """
     wider = variances or (0.0,) * len(rig)
     kernels = [

@@ -83,20 +83,10 @@ class ImageBlur(ImageOperator):
     """The blur ``B`` of images: each pixel passes on its light by the weights of a kernel.
 
     ``blur @ images`` blurs images ``(pixels,)``; ``blur @ rays`` of a projection operator is the
-    projection of blurred images.
+    projection of blurred images. A kernel, one a view, are the ``rays`` that one of the ``pixels``
+    gets its light from, in columns and rows from its own (n, 2), and the fraction (n,) of each;
+    ``own`` (pixels,) is what it gets beside that from the ray at its place.
 
-    Parameters
-    ----------
-    kernels : sequence of ((n, 2) int64, (n,) float32)
-        For each view the rays that a pixel gets its light from, in columns and rows from its own,
-        and the fraction of each.
-    pixels, rays : Places
-        The images after and before the blur.
-    own : (pixels,) float32, optional
-        What a pixel gets beside that from the ray at its place; nothing when None.
-
-    Notes
-    -----
     Forward ``(B y)_p = sum_k w_k y_(p + k) + own_p y_p``, summed in double precision; the adjoint
     goes through the same weights. Rays that take no part are dark. Each view is laid out as an
     image, whose rows the kernel runs along. The same bits on any number of threads.

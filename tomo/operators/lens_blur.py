@@ -27,23 +27,13 @@ def lens_blur(
 ) -> ImageBlur:
     """Return the blur of lenses whose images of a point in the volume are discs.
 
-    Parameters
-    ----------
-    pixels : sequence of (P_v,) int
-        For each camera the flat numbers ``row * width + column`` of the pixels that take part;
-        the rays of others count as dark.
-    grid : VoxelGrid
-        The voxels to be projected. A voxel blurs its own projection like a box: the disc is
-        smaller by as much.
-    diameter : float
-        Diameter of the disc at the grid's centre, in the rig's length unit. It is taken to be
-        the same at all depths, which is true of volumes far smaller than their distance.
+    ``pixels`` are each camera's flat numbers ``row * width + column`` that take part; the rays of
+    others count as dark. ``diameter`` is that of the disc at the grid's centre, in the rig's
+    length unit, taken to be the same at all depths, which is true of volumes far smaller than
+    their distance. A voxel blurs its own projection like a box: the disc is smaller by as much.
 
-    Raises
-    ------
-    ValueError
-        If the diameter is not a number above 0, the grid's centre is behind a camera, or a disc
-        is larger than its image.
+    ValueError: the diameter is not a number above 0, the grid's centre is behind a camera, or a
+    disc is larger than its image.
     """
     if not (math.isfinite(diameter) and diameter > 0):
         raise ValueError(f"blur: found {diameter}, expected a diameter above 0")

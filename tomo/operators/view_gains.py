@@ -15,26 +15,16 @@ NOTEWORTHY = 0.005
 
 @dataclass(frozen=True, eq=False)
 class Gains:
-    """Gain ``g`` and background ``o`` of every view.
+    """The gains and the offsets of the views, ``(views,)`` each.
 
-    Attributes
-    ----------
-    gain : (views,) float64
-        ``g``: geometric mean 1 over the views that were fitted; 1 where nothing could be.
-    offset : (views,) float64
-        ``o``, in the images' unit; 0 where nothing could be fitted.
-    gain_error, offset_error : (views,) float64
-        Standard errors; infinite where nothing could be fitted.
-
-    Notes
-    -----
     A pixel of view ``v`` shows ``b = g_v (A x) + o_v``; corrected images are ``(b - o_v) / g_v``.
     """
 
     gain: NDArray[np.float64]
-    offset: NDArray[np.float64]
-    gain_error: NDArray[np.float64]
-    offset_error: NDArray[np.float64]
+    """``g``: geometric mean 1 over those that were fitted; 1: none could be."""
+    offset: NDArray[np.float64]  # ``o``, in the images' unit; 0 where nothing could be fitted
+    gain_error: NDArray[np.float64]  # standard error; infinite where nothing could be fitted
+    offset_error: NDArray[np.float64]  # the same
 
     @classmethod
     def none(cls, n_views: int) -> Gains:

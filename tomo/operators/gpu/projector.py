@@ -28,16 +28,10 @@ STRANDS = 1 << 14
 class DeviceProjector(DeviceOperator):
     """The matrix of lengths of `OnTheFlyProjector`, computed on a device at every product.
 
-    Parameters
-    ----------
-    projector : OnTheFlyProjector
-        Whose rays are copied to the device, 64 bytes each.
-
-    Notes
-    -----
-    `tomo.operators.gpu` has the method. A product takes the memory of a volume: of 64-bit integers
-    for each of up to four columns (adjoint), of values where not all voxels are active (forward).
-    A voxel that is not finite reaches the rays that cross it; a pixel, all voxels that it sees.
+    The rays are copied to the device, 64 bytes each; `tomo.operators.gpu` has the method. A
+    product takes the memory of a volume: of 64-bit integers for each of up to four columns
+    (adjoint), of values where not all voxels are active (forward). A voxel that is not finite
+    reaches the rays that cross it; a pixel, all voxels that it sees.
 
     The whole numbers count multiples of ``1 / u``, ``u`` the largest power of two with
     ``max|y| max_v (A^T 1)_v u < 2^62``: sums are exact, a piece is rounded to half of one.

@@ -55,25 +55,15 @@ FEW_COLUMNS = 16
 class OnTheFlyProjector(ProjectionOperator):
     """The same matrix as `tomo.operators.Projector`, never stored.
 
-    Parameters
-    ----------
-    rays : Rays, or sequence of PixelSource
-        Sources (`camera_sources.pixel_source`) make rays when they are needed: they take 8 bytes a
-        distorted ray, 64 bytes a ray of a table, and little else.
-    view_ptr : (views + 1,) int, optional
-        Where each view's pixels begin; a source is a view when None.
-    active : ActiveVoxels, optional
-        The unknowns; all voxels when None.
+    Sources of rays (`camera_sources.pixel_source`), each a view where there is no ``view_ptr``,
+    make them when they are needed: they take 8 bytes a distorted ray, 64 bytes a ray of a table,
+    and little else. `tomo.operators.on_the_fly` has the formulas. With float32 the error is about
+    1e-7 of the largest running sum, not of the ray's own value: rays through nearly empty space
+    next to bright voxels are less exact relative to themselves. A voxel that is not finite makes
+    all rays that meet its columns non-finite; a pixel that is not finite, all voxels that it sees.
 
-    Notes
-    -----
-    `tomo.operators.on_the_fly` has the formulas. With float32 the error is about 1e-7 of the
-    largest running sum, not of the ray's own value: rays through nearly empty space next to bright
-    voxels are less exact relative to themselves. A voxel that is not finite makes all rays that
-    meet its columns non-finite; a pixel that is not finite, all voxels that it sees.
-
-    A product takes the memory of one more volume, and 1 MB a thread for its chunk of rays.
-    Voxels that are not active are zeros.
+    A product takes the memory of one more volume, and 1 MB a thread for its chunk of rays. Voxels
+    that are not active are zeros.
     """
 
     def __init__(
