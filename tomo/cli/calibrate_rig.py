@@ -216,7 +216,7 @@ def _scene(
 
 
 def _lenses(texts: Sequence[str], cameras: Sequence[str]) -> Rig | None:
-    """Return a rig with a lens for each camera, of texts: a rig, and pairs, A's is its B's."""
+    """Return a rig with a lens for each camera: that of the rig named, or by pairs ``A=B``."""
     from rigs import Rig
 
     pairs = [text for text in texts if "=" in text and not Path(text).exists()]

@@ -184,7 +184,7 @@ def views_of(
     gains: Gains | None = None,
     in_sight: Masks | None = None,
 ) -> list[View]:
-    """Return each camera's image beside that of the volume, dimmed by ``gains`` not corrected."""
+    """Return each camera's image beside that of the volume; ``gains`` if images have theirs."""
     projected = system.projector @ system.projector.active.compress(volume)
     seen = system.images(projected)
     if gains is not None:  # pixels that see no active voxel show the background alone

@@ -124,7 +124,7 @@ def uncertain(low: float, high: float, report: Facts) -> Iterator[Facts]:
 
 
 def expected_error(report: Facts) -> float | None:
-    """Return a voxel's relative error: half of the 90 % interval over 1.645; None: unknown."""
+    """Return a voxel's relative error: the 90 % interval's half-width over 1.645 (normal)."""
     half = _part(report, "uncertainty", "intervals", "voxels").get("relative")
     return None if half is None else half / NORMAL
 

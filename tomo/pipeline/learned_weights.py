@@ -74,7 +74,7 @@ class LearnedWeights:
         volume: NDArray[np.float32],
         held_out_residual: Mapping[str, float],
     ) -> LearnedWeights:
-        """Return means over stored ``lengths`` with midpoints, by the light of a ``volume``."""
+        """Return means over stored ``lengths`` with midpoints, weighted by a volume's light."""
         rays = Rays.of(lengths, "optics", image_scale=weights.image_scale)
         rays = rays.with_upstream(weights.volume, weights.unit)
         of_ray, of_segment = rays.features.of_ray.numpy(), rays.features.of_segment.numpy()

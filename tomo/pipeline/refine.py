@@ -121,7 +121,7 @@ class Refinement:
 
 
 def priors_of(cameras: Sequence[str], observation: Observation) -> dict[str, float]:
-    """Return each asked pose's deviation in pixels: what mounts do, and what rigs state."""
+    """Return how far each pose asked for may be off, in pixels: by mounts and the rig."""
     if not cameras:
         return {}
     stated = np.sqrt(np.square(stated_errors(observation.rig, observation.grid)).mean(axis=1))

@@ -236,7 +236,7 @@ def _check_images(scan: Scan, places: Sequence[int]) -> None:
 
 
 def _check_room(path: Path, plan: Plan) -> None:
-    """Refuse a store that does not fit on the disk, but for voxels always dark, uncompressed."""
+    """Refuse a store whose active voxels, uncompressed, do not fit on the disk."""
     folder = path.absolute()
     while not folder.exists():
         folder = folder.parent

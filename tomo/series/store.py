@@ -170,7 +170,7 @@ class SeriesStore:
                 self.volume(place)
 
     def to_xarray(self) -> Dataset:
-        """Return the store as an `xarray.Dataset` that reads when asked; NaN: nothing is yet."""
+        """Return the store as an `xarray.Dataset` that reads when asked; NaN where nothing is."""
         return xarray_or_pip_line().open_zarr(self.path, consolidated=False)
 
     def write_volume(self, place: int, volume: NDArray[np.float32]) -> None:

@@ -91,7 +91,7 @@ def grid_in(rig: Rig, box: Box, voxel: float | None = None) -> tuple[VoxelGrid, 
 
 
 def _reach(rig: Rig, point: NDArray[np.float64]) -> float:
-    """Return the widest half diagonal of views around a point, at most half way to a camera."""
+    """Return how far cameras see around a point, at most half of the way to the nearest."""
     reaches, distances = [], []
     for camera in rig:
         width, height = camera.image_size
