@@ -26,15 +26,12 @@ COLOURS = (
 
 @dataclass(frozen=True)
 class Curve:
-    """One curve: points of polylines in SVG's form, one for each stretch without gaps.
-
-    ``values`` are the figures of each moment that the page shows.
-    """
+    """One curve: points of polylines in SVG's form, one for each stretch without gaps."""
 
     name: str
     colour: str
     lines: tuple[str, ...]
-    values: tuple[str, ...] = ()
+    values: tuple[str, ...] = ()  # figures of each moment that the page shows
 
 
 @dataclass(frozen=True)
@@ -58,20 +55,9 @@ def chart(
     colours: Mapping[str, str] | None = None,
     digits: int = 4,
 ) -> Chart | None:
-    """Return a chart of figures over the frames; None where none is finite.
+    """Return a chart of figures over the frames ``(frames,)``; None where none is finite.
 
-    Parameters
-    ----------
-    curves : mapping of str to (frames,)
-        NaN where there is no figure: a gap.
-    shown : sequence of int
-        Places of the frames whose figures are given as text.
-    from_zero : bool
-        Whether the scale begins at zero.
-    colours : mapping, optional
-        Name to colour.
-    digits : int
-        Significant digits of figures.
+    NaN is a gap. Figures of the frames at the places ``shown`` are given as text.
     """
     curves = {name: values for name, values in curves.items() if np.isfinite(values).any()}
     if not curves:

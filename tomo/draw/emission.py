@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from rigs import Camera, Rig
 from tomo.draw.figures import raised
-from tomo.draw.frame import Up, Viewpoint
+from tomo.draw.frame import UP, Up, Viewpoint
 from tomo.draw.scene import ColourScale
 from tomo.draw.shapes import box_corners
 from tomo.draw.volume.isosurface import coarsened, finite
@@ -146,7 +146,7 @@ def eye_of(
     grid: VoxelGrid,
     size: tuple[int, int],
     azimuth: float = EYE[0],
-    up: Up | None = None,
+    up: Up = UP,
     margins: tuple[float, float, float, float] = (0.03, 0.03, 0.03, 0.03),
 ) -> Viewpoint:
     """Return the viewpoint from which the box fills a picture as it turns about the upward axis.
@@ -154,18 +154,16 @@ def eye_of(
     ``size`` is width and height in pixels, ``azimuth`` in degrees; ``margins`` are the fractions
     of width and height that stay free: left, right, top, bottom.
     """
-    up = up or Up()
     toward = up.eye_direction(azimuth, EYE[1])
     corners = box_corners(grid.lower, grid.upper) - grid.center
     first, second = up.level
     around = np.hypot(*grid.extent[[first, second]]) / 2
-    reach = np.repeat(corners, 2, axis=0)
-    reach[:, [first, second]] = 0.0
-    for angle in np.radians(np.arange(0, 360, 22.5)):
-        ring = reach.copy()
-        ring[:, first], ring[:, second] = around * np.cos(angle), around * np.sin(angle)
-        corners = np.vstack([corners, ring])
-    return Viewpoint.framing(corners + grid.center, toward, up.vector, size, margins, distance=6)
+    angles = np.radians(np.arange(0, 360, 22.5))
+    rings = np.repeat(corners[[0, -1]], len(angles), axis=0)
+    rings[:, first] = np.tile(around * np.cos(angles), 2)
+    rings[:, second] = np.tile(around * np.sin(angles), 2)
+    points = np.vstack([corners, rings]) + grid.center
+    return Viewpoint.framing(points, toward, up.vector, size, margins, distance=6)
 
 
 def turning_gif(
@@ -178,14 +176,13 @@ def turning_gif(
     """
     from PIL import Image
 
-    up, grid = Up(), volume.grid
-    first, second = up.level
-    wide = np.hypot(*grid.extent[[first, second]])
-    width = int(np.clip(round(height * wide / grid.extent[up.axis]), height // 4, 2 * height))
+    grid = volume.grid
+    wide = np.hypot(*grid.extent[list(UP.level)])
+    width = int(np.clip(round(height * wide / grid.extent[UP.axis]), height // 4, 2 * height))
     scale = ColourScale("", 0.0, 1.0, colours)
     palette = np.round(255 * scale(np.linspace(0, 1, 256))).astype(np.uint8)
     images = [
-        emission_image(volume, eye_of(grid, (width, height), azimuth, up))
+        emission_image(volume, eye_of(grid, (width, height), azimuth))
         for azimuth in EYE[0] + np.arange(frames) * 360 / frames
     ]
     brightest = max(float(image.max()) for image in images) or 1.0

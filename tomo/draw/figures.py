@@ -18,7 +18,6 @@ INK, MUTED = "#1b2733", "#5b6672"
 LIGHT_INK, LIGHT_MUTED = "#c9d1d9", "#9aa5b1"
 """Colours of titles and of secondary text, on white and on black."""
 
-
 PRINT_DPI = 200
 """Pixels an inch of figures for papers."""
 

@@ -31,7 +31,6 @@ if TYPE_CHECKING:
 MOST_FRAMES = 60
 """Frames of a film in a page; they share `tomo.draw.stage.MOST_VOXELS`."""
 
-
 HEIGHT, WIDEST = 4.5, 12.0
 """Inches of the picture, at 160 pixels each: 720 lines, and at most 1920 columns."""
 
@@ -89,19 +88,15 @@ def visualize_film(
     return table.frames[shown].tolist()
 
 
-def shown_places(complete: NDArray[np.bool_], most: int = MOST_FRAMES) -> list[int]:
+def shown_places(complete: NDArray[np.bool_]) -> list[int]:
     """Return the places of the complete frames that a page shows, spread evenly."""
     places = np.flatnonzero(complete)
-    if len(places) <= most:
-        return places.tolist()
-    return places[np.linspace(0, len(places) - 1, most).round().astype(int)].tolist()
+    count = min(len(places), MOST_FRAMES)
+    return places[np.linspace(0, len(places) - 1, count).round().astype(int)].tolist()
 
 
 def film_of(moments: Iterable[tuple[str, float, Volume]], count: int) -> Shown:
-    """Return the film that a page shows of ``count`` moments: the more, the coarser.
-
-    The position along the time axis is 0 to 1.
-    """
+    """Return the film that a page shows of ``count`` moments: the more, the coarser."""
     labels, frames, whole = [], [], None
     for label, position, volume in moments:
         whole = volume.grid
@@ -113,7 +108,7 @@ def film_of(moments: Iterable[tuple[str, float, Volume]], count: int) -> Shown:
 def moments_of(
     table: SeriesTable, places: Sequence[int], progress: Progress | None = None
 ) -> Iterator[tuple[str, float, Volume]]:
-    """Yield label, position along the time axis and volume of frames."""
+    """Yield label, position along the time axis, 0 to 1, and volume of frames."""
     for done, place in enumerate(places):
         if progress:
             progress(done, len(places), table.label(place))

@@ -53,16 +53,9 @@ class Viewpoint:
     ) -> Viewpoint:
         """Return the viewpoint from which ``points`` ``(N, 3)`` fill the picture in its margins.
 
-        Parameters
-        ----------
-        toward, up : (3,)
-            World directions from the points to the eye, and upward.
-        size : (int, int)
-            Width and height in pixels.
-        margins : (left, right, top, bottom)
-            Fractions of the width and the height that stay free.
-        distance : float
-            Of the eye in radii of the points. Large values approach parallel projection.
+        World directions ``(3,)`` lead ``toward`` the eye, and ``up``. Margins are left, right, top
+        and bottom, fractions of the ``size``, width and height in pixels. The ``distance`` of the
+        eye is in radii of the points; large ones approach parallel projection.
         """
         points = np.asarray(points, np.float64).reshape(-1, 3)
         middle = (points.min(axis=0) + points.max(axis=0)) / 2
@@ -87,12 +80,6 @@ class Viewpoint:
         seen = (np.asarray(points, np.float64).reshape(-1, 3) - self.eye) @ self.axes.T
         depth = np.where(seen[:, 2:] > 0, seen[:, 2:], np.nan)
         return self.focal * seen[:, :2] / depth + self.principal
-
-    def directions(self, uv: NDArray) -> NDArray[np.float64]:
-        """Return unit world directions ``(N, 3)`` through the pixels ``uv`` ``(N, 2)``."""
-        plane = (uv - self.principal) / self.focal
-        directions = plane @ self.axes[:2] + self.axes[2]
-        return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
     def pixel_at(self, point: ArrayLike) -> float:
         """Return the world length of one pixel at ``point`` ``(3,)``."""
@@ -140,9 +127,7 @@ class Axis:
     outward: NDArray[np.float64]  # (3,)
 
 
-def tick_values(
-    lower: float, upper: float, at_most: int
-) -> tuple[NDArray[np.float64], tuple[str, ...]]:
+def tick_values(lower: float, upper: float, at_most: int) -> tuple[NDArray, tuple[str, ...]]:
     """Return round values within ``lower..upper`` and their texts."""
     from matplotlib.ticker import MaxNLocator
 
@@ -156,16 +141,12 @@ def tick_values(
 
 
 def axes_around(
-    bounds: NDArray[np.float64],
-    viewpoint: Viewpoint,
-    up: Up,
-    length_unit: str,
-    spacing: float = 70,
+    bounds: NDArray[np.float64], viewpoint: Viewpoint, up: Up, length_unit: str
 ) -> tuple[Axis, ...]:
     """Return the three edges of the box ``bounds`` ``(2, 3)`` that do not cover its contents.
 
     The two level axes lie along the front edges of the floor, the upward one along the left
-    silhouette. Ticks are about ``spacing`` pixels apart.
+    silhouette.
     """
     first, second = up.level
     middle = bounds.mean(axis=0)
@@ -188,7 +169,7 @@ def axes_around(
     axes = []
     for along, edge, outward in made:
         pixels = viewpoint.project(edge)
-        count = int(np.linalg.norm(pixels[1] - pixels[0]) // spacing)
+        count = int(np.linalg.norm(pixels[1] - pixels[0]) // 70)  # about so far apart
         lower, upper = edge[:, along]
         values, texts = tick_values(lower, upper, at_most=min(count, 6))
         positions = np.repeat(edge[:1], len(values), axis=0)
@@ -208,18 +189,13 @@ def frame_scene(
     pixel = viewpoint.pixel_at(bounds.mean(axis=0))
     floor = bounds[0, up.axis] if up.sign > 0 else bounds[1, up.axis]
     lines = []
-    for axis, along in zip(axes[:2], up.level, strict=True):
-        across = next(a for a in up.level if a != along)
-        starts, ends = axis.positions.copy(), axis.positions.copy()
-        starts[:, across], ends[:, across] = bounds[:, across]
+    for axis, along, across in zip(axes[:2], up.level, up.level[::-1], strict=True):
         border = np.repeat(np.where(np.arange(3) == up.axis, floor, bounds[0])[None], 2, axis=0)
-        border_end = border.copy()
         border[:, along] = bounds[:, along]
-        border_end[:, along] = bounds[:, along]
-        border_end[:, across] = bounds[1, across]
-        lines.append(
-            shapes.tubes(np.vstack([starts, border]), np.vstack([ends, border_end]), 0.6 * pixel)
-        )
+        starts = np.vstack([axis.positions, border])
+        ends = starts.copy()
+        starts[:, across], ends[:, across] = bounds[:, across]
+        lines.append(shapes.tubes(starts, ends, 0.6 * pixel))
     ticks = [
         shapes.tubes(a.positions, a.positions + a.outward * 6 * pixel, 0.7 * pixel)
         for a in axes

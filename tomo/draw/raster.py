@@ -23,22 +23,10 @@ def render(
 ) -> NDArray[np.float32]:
     """Return a picture of the scene's meshes, ``(height, width, 3)`` float32 in 0..1.
 
-    Parameters
-    ----------
-    viewpoint : Viewpoint
-        Triangles that reach behind its eye are left out.
-    supersample : int
-        Samples along each side of a pixel; their mean smooths the edges.
-    ground : (3,) tuple
-        The colour behind them.
-
-    Notes
-    -----
-    Opaque triangles hide what is behind them sample by sample; translucent ones are laid over
-    them in the order of their middles, the farthest first.
+    Triangles that reach behind the eye are left out. Opaque ones hide what is behind them sample
+    by sample; translucent ones are laid over them in the order of their middles, the farthest
+    first.
     """
-    from tomo.draw.raster import fill
-
     width, height = viewpoint.size
     places, nearness, colours, opacities = _triangles(scene, viewpoint)
     places = (places + 0.5) * supersample - 0.5

@@ -176,10 +176,8 @@ class Scene:
         """Lower and upper corner of all meshes, ``(2, 3)``."""
         if not self.meshes:
             raise ValueError("scene: found no mesh, expected at least one to have bounds")
-        vertices = [mesh.vertices for mesh in self.meshes if len(mesh.vertices)]
-        lowers = [v.min(axis=0) for v in vertices]
-        uppers = [v.max(axis=0) for v in vertices]
-        return np.stack([np.min(lowers, axis=0), np.max(uppers, axis=0)])
+        vertices = np.concatenate([mesh.vertices for mesh in self.meshes])
+        return np.stack([vertices.min(axis=0), vertices.max(axis=0)])
 
     def only(self, groups: Iterable[str]) -> Scene:
         """Return the parts that belong to ``groups``."""

@@ -50,9 +50,8 @@ def tubes(
     rings = [
         p[:, None] + circle * r[:, None, None] for p, r in zip((bottoms, tops), radii, strict=True)
     ]
-    vertices = np.concatenate(
-        [*rings, bottoms[:, None], tops[:, None]], axis=1
-    )  # (N, 2 sides + 2, 3)
+    # (N, 2 sides + 2, 3)
+    vertices = np.concatenate([*rings, bottoms[:, None], tops[:, None]], axis=1)
     here = np.arange(sides)
     after = (here + 1) % sides
     bottom, top = np.full(sides, 2 * sides), np.full(sides, 2 * sides + 1)

@@ -48,31 +48,14 @@ _STILL = (480, 480)  # pixels of the picture where the page's script cannot draw
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A volume, or the volumes of a film, as a page shows them.
-
-    Attributes
-    ----------
-    frames : sequence of Volume
-        On one grid.
-    moments : sequence of (label, position)
-        For each frame of a film; the position along the time axis is 0 to 1.
-    whole : VoxelGrid, optional
-        The grid of the volumes before they were made coarser.
-    scale : (float, float), optional
-        The largest value, and the brightest integral, where there are more frames than these.
-    """
+    """A volume, or the volumes of a film, on one grid, as a page shows them."""
 
     frames: Sequence[Volume]
-    moments: Sequence[tuple[str, float]] = ()
+    moments: Sequence[tuple[str, float]] = ()  # label, and 0 to 1 along the time axis, of frames
     looks: Looks = LIGHT
     up: Up = UP
-    whole: VoxelGrid | None = None
-    scale: tuple[float, float] | None = None
-
-    @property
-    def grid(self) -> VoxelGrid:
-        """The grid of the frames."""
-        return self.frames[0].grid
+    whole: VoxelGrid | None = None  # of the volumes before they were made coarser
+    scale: tuple[float, float] | None = None  # ends where there are more frames than these
 
     @cached_property
     def small(self) -> list[Volume]:
@@ -106,30 +89,14 @@ def stage(
 ) -> dict[str, Any]:
     """Return what the template of a stage needs: ``data`` as JSON, and a still picture.
 
-    Parameters
-    ----------
-    up : Up, optional
-        Which axis points upward; that of ``shown`` when None.
-    grid : VoxelGrid, optional
-        Adds buttons that show the whole scene or the box alone, where there is more.
-    moments : sequence of (label, position)
-        Of a film, in place of those of ``shown``: of images alone, or of frames fetched later.
-    visible : sequence of str
-        Groups to show at first that are hidden otherwise: maps, images, names of arrows.
-    hidden : sequence of str
-        Groups to hide at first.
-    close_up : bool
-        Whether to start with the box alone in view.
-    turning : bool
-        Whether the scene turns once when it is opened.
-    rays : bool
-        Whether pixels of camera images are clicked to see their rays.
-    note : str
-        Stands below the controls.
+    A ``grid`` adds buttons that show the whole scene or the box alone. ``moments``, label and
+    position, replace those of ``shown``: of images alone, or of frames fetched later. ``visible``
+    and ``hidden`` groups are so at first. The view starts ``close_up`` on the box, or ``turning``
+    once. With ``rays``, pixels of camera images are clicked. ``note`` is below the controls.
     """
     up, scene = up or (shown.up if shown else UP), scene.on_black()
     if shown is not None:
-        grid = shown.grid
+        grid = shown.frames[0].grid
     bounds = np.stack([grid.lower, grid.upper]) if grid is not None and shown else scene.bounds
     if scene.meshes:
         both = np.stack([bounds, scene.bounds])
@@ -178,8 +145,8 @@ def stage(
 
 def _volume(shown: Shown, origin: NDArray, unit: str) -> tuple[dict[str, Any], str]:
     """Return the frames as bytes on one scale, and words on what was made coarser or cut."""
-    whole, grid, (highest, full) = shown.whole or shown.grid, shown.small[0].grid, shown.ends
-    value_unit, words = shown.frames[0].value_unit, ""
+    first, grid, (highest, full) = shown.frames[0], shown.small[0].grid, shown.ends
+    whole, value_unit, words = shown.whole or first.grid, first.value_unit, ""
     if grid != whole:
         fine, shape = (" x ".join(map(str, one.shape)) for one in (whole, grid))
         words = f"Shown on {shape} voxels, means of blocks of the volume's {fine}."

@@ -21,7 +21,7 @@ from tomo.grid import Volume
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-    from matplotlib.text import Text
+    from matplotlib.transforms import Bbox
 
 _TURNS = (0.0, 25.0, -25.0, 50.0, -50.0, 80.0, -80.0, 120.0, -120.0, 180.0)  # degrees
 _REACHES = (1.0, 2.5, 4.5, 7.0, 10.0)  # in gaps
@@ -39,7 +39,7 @@ class LabelPlacer:
     axes: Axes
     size: tuple[int, int]
     halo: str = "white"
-    taken: list[tuple[float, float, float, float]] = field(default_factory=list)
+    taken: list[Bbox] = field(default_factory=list)
 
     def place(
         self,
@@ -56,23 +56,18 @@ class LabelPlacer:
     ) -> bool:
         """Write ``text`` near pixel ``anchor``, moved ``outward``; return whether it fits."""
         from matplotlib.patheffects import withStroke
+        from matplotlib.transforms import Bbox
 
         norm = float(np.linalg.norm(outward))
         if not (np.isfinite(anchor).all() and math.isfinite(norm)):
             return False
         base = math.atan2(outward[1], outward[0]) if norm > 1e-9 else -math.pi / 2
         written = self.axes.text(
-            0,
-            0,
-            text,
-            fontsize=fontsize,
-            color=colour,
-            ha="center",
-            va="center",
-            zorder=6,
+            0, 0, text, fontsize=fontsize, color=colour, ha="center", va="center", zorder=6,
             parse_math=False,
-        )
-        width, height = self._measure(written)
+        )  # fmt: skip
+        extent = written.get_window_extent().transformed(self.axes.transData.inverted())
+        half = np.abs(extent.size) / 2
         tries = sorted(
             itertools.product(reaches, turns), key=lambda t: t[0] / 2.5 + abs(t[1]) / 25
         )
@@ -80,14 +75,11 @@ class LabelPlacer:
             angle = base + math.radians(turn)
             way = np.array([math.cos(angle), math.sin(angle)])
             # the text's box touches the circle of radius reach * gap from outside
-            centre = anchor + way * reach * gap + way * (np.abs(way) @ [width / 2, height / 2])
-            box = (
-                centre[0] - width / 2 - 4,
-                centre[1] - height / 2 - 1,
-                centre[0] + width / 2 + 4,
-                centre[1] + height / 2 + 1,
-            )
-            if self._is_free(box):
+            centre = anchor + way * reach * gap + way * (np.abs(way) @ half)
+            low, high = centre - half - (4, 1), centre + half + (4, 1)
+            box = Bbox([low, high])
+            is_inside = (low >= 0).all() and (high <= self.size).all()
+            if is_inside and not any(box.overlaps(other) for other in self.taken):
                 written.set_position(centre)
                 written.set_path_effects([withStroke(linewidth=1.8, foreground=self.halo)])
                 self.taken.append(box)
@@ -99,23 +91,6 @@ class LabelPlacer:
                 return True
         written.remove()
         return False
-
-    def _measure(self, written: Text) -> tuple[float, float]:
-        """Return width and height of a text in data coordinates."""
-        extent = written.get_window_extent()
-        corners = self.axes.transData.inverted().transform(extent.corners())
-        width, height = np.ptp(corners, axis=0).tolist()
-        return width, height
-
-    def _is_free(self, box: tuple[float, float, float, float]) -> bool:
-        """Return whether ``box`` is inside the picture and touches no text."""
-        left, top, right, bottom = box
-        if left < 0 or top < 0 or right > self.size[0] or bottom > self.size[1]:
-            return False
-        return all(
-            right <= other[0] or left >= other[2] or bottom <= other[1] or top >= other[3]
-            for other in self.taken
-        )
 
 
 def panel(figure: Figure, rect: tuple) -> tuple[Axes, tuple[int, int]]:
@@ -156,11 +131,11 @@ def show_scene(
     axes.set_ylim(height - 0.5, -0.5)
     placer = LabelPlacer(axes, viewpoint.size, "white" if on_white else "black")
     middle = viewpoint.project(bounds.mean(axis=0))[0]
+    pixel = viewpoint.pixel_at(bounds.mean(axis=0))
     for axis in around:
-        pixel = viewpoint.pixel_at(bounds.mean(axis=0))
-        edge = viewpoint.project(axis.edge)
-        outward = viewpoint.project(axis.edge.mean(axis=0) + axis.outward * pixel)[0]
-        outward -= viewpoint.project(axis.edge.mean(axis=0))[0]
+        edge, centre = viewpoint.project(axis.edge), axis.edge.mean(axis=0)
+        ends = viewpoint.project(np.stack([centre, centre + axis.outward * pixel]))
+        outward = ends[1] - ends[0]
         normal = np.array([edge[0, 1] - edge[1, 1], edge[1, 0] - edge[0, 0]])
         normal *= np.sign(normal @ (edge.mean(axis=0) - middle)) or 1.0
         turns = (0.0, 12.0, -12.0)
@@ -170,16 +145,10 @@ def show_scene(
                 text, tick, outward, gap=7, fontsize=7, colour=muted, leader=False, turns=turns
             )
         placer.place(
-            axis.title,
-            edge.mean(axis=0),
-            normal,
-            gap=32,
+            axis.title, edge.mean(axis=0), normal, gap=32, fontsize=8, colour=ink, leader=False,
             turns=(0.0, 15.0, -15.0, 40.0, -40.0, 65.0, -65.0, 90.0, -90.0),
             reaches=(1.0, 1.3, 1.6, 2.0, 2.5, 3.0),
-            fontsize=8,
-            colour=ink,
-            leader=False,
-        )
+        )  # fmt: skip
     return placer
 
 

@@ -22,22 +22,17 @@ if TYPE_CHECKING:
     import trimesh
     from trimesh.visual import ColorVisuals, TextureVisuals
 
-
 _METRES = {"m": 1.0, "dm": 0.1, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "µm": 1e-6, "μm": 1e-6}
 
 
 @dataclass(frozen=True)
 class Table:
-    """A table of texts and numbers next to the scene.
-
-    ``lines`` are a kind (``fault``, ``warning``, ``note`` or ``""``) and a text each; ``head`` is
-    empty where there are no rows.
-    """
+    """A table of texts and numbers next to the scene."""
 
     title: str
-    lines: tuple[tuple[str, str], ...] = ()
-    head: tuple[str, ...] = ()
-    rows: tuple[tuple[str, ...], ...] = ()
+    lines: tuple[tuple[str, str], ...]  # a kind (fault, warning, note or "") and a text each
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
 
 
 def write_html(

@@ -63,7 +63,7 @@ class Ahead:
     def preview(self, outcome: Reconstruction) -> Future[Picture] | None:
         """Write and say a preview; return what its picture is waited for by, if one is drawn."""
         volume, figures, _ = (self.folder / name for name in PREVIEW_FILES)
-        write_with_units(volume, outcome.volume, allow_nan=True)
+        write_with_units(volume, outcome.volume)
         write_json(figures, outcome.report(), indent=2)
         self.say(outcome.answer.sentence)
         self._complete(volume.name, outcome, "a preview")
@@ -109,7 +109,7 @@ def _load(*modules: str) -> None:
 
 def _preview_picture(outcome: Reconstruction) -> Picture:
     """Return the picture of a preview's volume."""
-    from tomo.draw.volume import draw_volume
+    from tomo.draw.volume.visualize import draw_volume
     from tomo.report.result_figures import seen_volume
 
     png = png_bytes(draw_volume(seen_volume(outcome), title="Preview"))

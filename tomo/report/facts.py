@@ -16,52 +16,7 @@ from tomo.pipeline.verdict import MEANS
 LONGEST_DETAIL = 300
 """Characters; what is longer, values of many cameras, is left to report.json."""
 
-
 PLACE = "<!-- glossary -->"
-
-TERMS: tuple[tuple[str, str, str], ...] = (
-    ("active voxel", r"active voxel", "A voxel whose emission is sought. The others are zero, "
-     "because dark pixels prove them empty."),
-    ("beyond noise", r"beyond (?:its |the )?noise", "The part of an image that neither the volume "
-     "nor noise explains, as a fraction of the image. It is measured on means over 4 x 4 pixels, "
-     "so that details finer than a voxel do not count. Up to 4 % is explained, above 10 % is "
-     "not."),
-    ("cosine distance", r"cosine distance", "Difference of two volumes that ignores brightness: 0 "
-     "for equal shapes, 1 where nothing overlaps."),
-    ("emission", r"emission|emit", "The light that a unit of volume sends out: what the values of "
-     "the volume are."),
-    ("gain", r"gain", "The factor by which a camera records brighter than the volume's image "
-     "says. 1 is right."),
-    ("half-width, 90 % interval", r"90 % interval", "The true value lies within plus and minus "
-     "the half-width in about nine of ten voxels."),
-    ("held out", r"held[- ]out", "A camera whose image the reconstruction never saw. The volume "
-     "then predicts that image: the best check on real images."),
-    ("image unit, full scale", r"image units?|full scales?", "The value 1 of a pixel after "
-     "corrections; a full scale is the most that a camera records. Without radiometry the volume "
-     "has such a unit per length: along a line of sight it adds up to the pixel."),
-    ("iteration", r"iteration", "One step of the method towards the volume."),
-    ("line integral, projection", r"line integral|re-projected|projected", "The volume's emission "
-     "added up along a line of sight: what a pixel sees. The re-projected image is the volume as "
-     "a camera would see it."),
-    ("noise", r"noise", "What changes from one exposure to the next though the flame does not. It "
-     "is estimated from the images."),
-    ("NRMSE", r"NRMSE", "Root mean square of the error over that of the true values. 0.05 means "
-     "that voxels are off by 5 % of a typical bright voxel."),
-    ("PSNR", r"PSNR", "Error of a predicted image in decibels: 20 dB is an error of a tenth of "
-     "the brightest pixel, 40 dB of a hundredth. More is better."),
-    ("relative residual", r"residual", "The part of the images that the volume does not "
-     "reproduce, noise included: root mean square of the difference over that of the image."),
-    ("root mean square", r"root mean square", "A mean in which large values count more: the root "
-     "of the mean of the squares."),
-    ("segment", r"segments?", "The part of a line of sight within one voxel."),
-    ("SSIM", r"SSIM", "Likeness of two images in structure, up to 1 for equal ones. Noise in the "
-     "measured image lowers it."),
-    ("standard deviation", r"standard deviation", "How far values scatter when only the noise "
-     "changes: two of three lie within it."),
-    ("view", r"\bviews?\b", "The image of one camera."),
-    ("voxel", r"voxel", "A small box of the grid; the volume has one value for each."),
-)  # fmt: skip
-"""Term, the pattern that shows that a page uses it, and its meaning."""
 
 
 def without_nulls(values: Mapping) -> dict:
@@ -87,38 +42,37 @@ def number_text(value: object, digits: int = 3) -> str:
 def detail_tables(report: Mapping) -> list[tuple[str, list[tuple[str, str]]]]:
     """Return the tables at the end: seconds, settings, versions, and whatever else there is."""
     tables = []
-    for key, title in (
-        ("seconds", "Time (s)"),
-        ("quality", "Against the truth"),
-        ("emission", "Emission"),
-        ("screening", "Outlier pixels and inconsistent views"),
-        ("carving", "Pixels and voxels left out"),
-        ("depth_of_field", "Depth of field"),
-        ("gains", "Gains and backgrounds"),
-        ("detection_limits", "Smallest faults that these images would tell"),
-        ("learned", "Learned weights"),
-        ("projector", "Projector"),
-        ("basis", "Basis"),
-        ("pixel_weights", "Weights of pixels"),
-        ("solver", "Solver"),
-        ("scan", "Scan"),
-        ("settings", "Options"),
-        ("versions", "Versions"),
+    for key, title, rows_of in (
+        ("seconds", "Time (s)", _rows),
+        ("quality", "Against the truth", _rows),
+        ("emission", "Emission", _rows),
+        ("screening", "Outlier pixels and inconsistent views", _rows),
+        ("carving", "Pixels and voxels left out", _rows),
+        ("depth_of_field", "Depth of field", _rows),
+        ("gains", "Gains and backgrounds", _gains),
+        ("detection_limits", "Smallest faults that these images would tell", _limits),
+        ("learned", "Learned weights", _rows),
+        ("projector", "Projector", _rows),
+        ("basis", "Basis", _rows),
+        ("pixel_weights", "Weights of pixels", _rows),
+        ("solver", "Solver", _rows),
+        ("scan", "Scan", _rows),
+        ("settings", "Options", _rows),
+        ("versions", "Versions", _rows),
     ):
-        values = report.get(key)
-        if key == "gains" and values:
-            tables.append((title, _gains(values)))
-        elif key == "detection_limits" and values:
-            tables.append((title, _limits(values)))
-        elif isinstance(values, Mapping) and values:
-            lines = [(str(k).replace("_", " "), in_words(v)) for k, v in values.items()]
-            tables.append((title, [line for line in lines if len(line[1]) <= LONGEST_DETAIL]))
+        if report.get(key):
+            tables.append((title, rows_of(report[key])))
     rest = [
         (key.replace("_", " "), in_words(report[key]))
         for key in ("method", "seed", "stop_reason", "first_use_seconds")
         if report.get(key) is not None
     ]
     return [("Run", rest), *tables] if rest else tables
+
+
+def _rows(values: Mapping) -> list[tuple[str, str]]:
+    lines = [(str(key).replace("_", " "), in_words(value)) for key, value in values.items()]
+    return [line for line in lines if len(line[1]) <= LONGEST_DETAIL]
 
 
 def _gains(gains: Mapping) -> list[tuple[str, str]]:
@@ -185,18 +139,14 @@ def as_sentence(line: str) -> str:
 
 
 class Advice(str):
-    """A sentence whose options, such as ``--spacing``, stand out and stay whole on a page.
-
-    Templates take ``__html__`` for text that is escaped already.
-
-    >>> Advice("Try < --spacing.").__html__()
-    'Try &lt; <code>--spacing</code>.'
-    """
-
-    __slots__ = ()
+    """A sentence whose options, such as ``--spacing``, stand out and stay whole on a page."""
 
     def __html__(self) -> str:
-        """Return the sentence as HTML, escaped."""
+        """Return the sentence as HTML, escaped: templates take it so.
+
+        >>> Advice("Try < --spacing.").__html__()
+        'Try &lt; <code>--spacing</code>.'
+        """
         options = r"--[a-z][a-z-]*(?: (?:all|auto|NAME|\d+))?"
         return re.sub(options, r"<code>\g<0></code>", html.escape(self))
 
@@ -240,5 +190,8 @@ def with_glossary(page: str) -> str:
     """Return a page with the terms that it uses in the place of its mark."""
     shown = re.sub(r"<(style|script)\b.*?</\1>|<[^>]*>", " ", page, flags=re.DOTALL)
     text = html.unescape(shown)
-    used = [(term, words) for term, found, words in TERMS if re.search(found, text, re.IGNORECASE)]
-    return page.replace(PLACE, render("glossary.html", terms=used) if used else "")
+
+    def uses(pattern: str) -> bool:
+        return re.search(pattern, text, re.IGNORECASE) is not None
+
+    return page.replace(PLACE, render("glossary.html", uses=uses).strip())

@@ -20,7 +20,6 @@ from tomo.scan import Scan
 _DPI = 90  # of the picture: a hundred kilobytes at most
 _COLOURS = {"green": "#1a6b2d", "amber": "#8a5000", "red": "#a1201a"}
 
-
 MOST = 8
 """Cameras that are shown: a row of a notebook."""
 

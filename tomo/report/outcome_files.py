@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -46,7 +46,6 @@ DEVIATION_FILES = ("standard_deviation.npz", "standard_deviation.vti", "standard
 INTERVAL_FILES = ("half_width.npz", "half_width.vti", "half_width.nrrd")
 """Beside them where the voxels' 90 % intervals are known."""
 
-
 _OTHERS = (
     RIG_FILE, FLAME, RIG, *DEVIATION_FILES, *INTERVAL_FILES,
     *(f"{name}.png" for name in PICTURES),
@@ -59,15 +58,12 @@ PREVIEW_FILES = ("preview.npz", "preview.json", "preview.png")
 
 @dataclass(frozen=True)
 class Drawn:
-    """Pictures and pages of a reconstruction, with a line on each that could not be drawn.
-
-    ``turned`` is the stage on which the report's page shows the volume.
-    """
+    """Pictures and pages of a reconstruction, with a line on each that could not be drawn."""
 
     pictures: tuple[Picture, ...] = ()
     pages: Mapping[str, bytes] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    turned: Mapping[str, Any] | None = None
+    turned: Mapping[str, Any] | None = None  # the stage of the volume on the report's page
 
     def __add__(self, other: Self) -> Drawn:
         """Return both, pictures in their order on the page."""
@@ -113,13 +109,12 @@ def write_outcome(
     """
     report = outcome.report()
     with whole_folder(folder, last=(PAGE, FIGURES), others=(*_OTHERS, *PREVIEW_FILES)) as staging:
-        _write_volumes(staging, outcome)
-        for names, values in (
-            (DEVIATION_FILES, outcome.standard_deviation),
-            (INTERVAL_FILES, outcome.half_width),
-        ):
-            for name in names if values is not None else ():
-                write_with_units(staging / name, outcome.volume.like(values))
+        _write_volumes(staging, VOLUME_FILES, outcome.volume)
+        if outcome.standard_deviation is not None:
+            deviation = outcome.volume.like(outcome.standard_deviation)
+            _write_volumes(staging, DEVIATION_FILES, deviation)
+        if outcome.half_width is not None:
+            _write_volumes(staging, INTERVAL_FILES, outcome.volume.like(outcome.half_width))
         shown = known or (drawn(outcome) if with_pictures else Drawn())
         report["warnings"] += shown.warnings
         write_pictures(staging, shown.pictures)
@@ -137,18 +132,18 @@ def write_outcome(
 def write_volumes(folder: str | os.PathLike, outcome: Reconstruction) -> None:
     """Write the volume's files alone; an earlier outcome in the folder is removed."""
     with whole_folder(folder, last=(PAGE, FIGURES), others=_OTHERS) as staging:
-        _write_volumes(staging, outcome)
+        _write_volumes(staging, VOLUME_FILES, outcome.volume)
 
 
-def write_with_units(path: Path, volume: Volume, *, allow_nan: bool = False) -> None:
-    """Write a volume with its own grid and units; voxels may be NaN where that is allowed."""
+def write_with_units(path: Path, volume: Volume) -> None:
+    """Write a volume with its own grid and units; voxels may be NaN."""
     units = {"length_unit": volume.length_unit, "value_unit": volume.value_unit}
-    write_volume(path, volume, volume.grid, **units, allow_nan=allow_nan)
+    write_volume(path, volume, volume.grid, **units, allow_nan=True)
 
 
-def _write_volumes(folder: Path, outcome: Reconstruction) -> None:
-    for name in VOLUME_FILES:
-        write_with_units(folder / name, outcome.volume, allow_nan=True)
+def _write_volumes(folder: Path, names: Sequence[str], volume: Volume) -> None:
+    for name in names:
+        write_with_units(folder / name, volume)
 
 
 def _write_pages(folder: Path, outcome: Reconstruction) -> dict[str, Any]:
@@ -159,6 +154,6 @@ def _write_pages(folder: Path, outcome: Reconstruction) -> dict[str, Any]:
     turned = stage(Scene(length_unit=rig.length_unit), shown=shown, turning=True)
     write_page(folder / FLAME, turned, title="Reconstructed volume")
     if len(rig):
-        page = RigPage(rig, shown.grid, title="Cameras and volume")
+        page = RigPage(rig, outcome.volume.grid, title="Cameras and volume")
         page.write(folder / RIG, target_scene(rig), shown)
     return turned

@@ -19,7 +19,7 @@ from tomo.draw.emission import COLOURS
 from tomo.draw.figures import png_bytes, raised
 from tomo.draw.page import embedded, indexed_png, script_safe
 from tomo.draw.rig.thumbnails import shrunk
-from tomo.draw.scene import ColourScale
+from tomo.draw.scene import ColourScale, rgb
 from tomo.pipeline import Reconstruction
 from tomo.pipeline.answer import worst_view
 from tomo.pipeline.stage import as_warning
@@ -34,12 +34,9 @@ SHOWN = 0.57
 """Width of a picture on a page over its own pixels: the widest then fill a page on a large screen,
 and texts have one size in all."""
 
-
 _SIDES = (256, 192, 128)  # pixels of the longer side, the first that fits
-
 _LIMIT = 900_000  # bytes of all pictures: a third of a page that still loads at once
-
-_GREY = "#b9c0c7"  # of pixels that were not used
+_GREY = rgb("#b9c0c7")  # of pixels that were not used
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,17 +78,16 @@ def draw(
 
 def write_pictures(folder: str | os.PathLike, pictures: Sequence[Picture]) -> list[Path]:
     """Write each picture as ``NAME.png`` into ``folder``; return the paths."""
-    paths = []
-    for picture in pictures:
-        paths.append(Path(folder) / f"{picture.name}.png")
-        write_bytes(paths[-1], picture.png)
+    paths = [Path(folder) / f"{picture.name}.png" for picture in pictures]
+    for path, picture in zip(paths, pictures, strict=True):
+        write_bytes(path, picture.png)
     return paths
 
 
 def _recipes(outcome: Reconstruction) -> list[tuple[bool, str, Callable[[], Figure], str, str]]:
     """Return for each picture if it is wanted, its name, what draws it, and its words."""
-    from tomo.draw.rig import draw_rig
-    from tomo.draw.volume import draw_volume
+    from tomo.draw.rig.rig_picture import draw_rig
+    from tomo.draw.volume.visualize import draw_volume
     from tomo.report import result_figures as figures
 
     volume, rig, truth = figures.seen_volume(outcome), outcome.rig, outcome.truth
@@ -180,10 +176,9 @@ def view_pictures(views: Sequence[View]) -> dict[str, Any] | None:
               ((0, 100, COLOURS), (0, 100, COLOURS), (-limit, limit, "RdBu_r"))]  # fmt: skip
     for side in _SIDES:
         pictures = {
-            name: [_png(shrunk(part, side), scale) for part, scale in zip(parts, scales,
-                                                                          strict=True)]
+            name: [_png(shrunk(parts[k], side), scale) for k, scale in enumerate(scales)]
             for name, parts in scaled.items()
-        }  # fmt: skip
+        }
         total = sum(len(png) for three in pictures.values() for png in three)
         if total <= _LIMIT:
             break
@@ -244,5 +239,4 @@ def _png(values: NDArray, scale: ColourScale) -> bytes:
     ratio = (values - scale.lower) / (scale.upper - scale.lower)
     steps = np.where(np.isfinite(ratio), np.round(62 * np.clip(np.nan_to_num(ratio), 0, 1)), 63)
     colours = scale(np.linspace(scale.lower, scale.upper, 63))
-    grey = [int(_GREY[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    return indexed_png(steps.astype(np.uint8), np.vstack([colours, grey]))
+    return indexed_png(steps.astype(np.uint8), np.vstack([colours, _GREY]))

@@ -56,20 +56,9 @@ def write_report(
 ) -> None:
     """Write the page: the volume, the verdict and the next steps first, then the figures.
 
-    Parameters
-    ----------
-    path : path-like
-        ``report.html``.
-    report : mapping
-        The contents of ``report.json``; what it lacks is left out.
-    outcome : Reconstruction
-        Volumes, views and histories.
-    pictures : sequence of Picture, optional
-        What `draw` gave for it; drawn here when None.
-    about : About, optional
-        Where it is written and how it came about.
-    stage : mapping, optional
-        Of the volume to be turned, see `tomo.draw.stage.stage`; without, the page shows none.
+    What ``report``, the contents of ``report.json``, lacks is left out. ``pictures`` are what
+    `draw` gave for the outcome; drawn here when None. ``about`` is where it is written and how it
+    came about; the ``stage`` is that of the volume to be turned, see `tomo.draw.stage.stage`.
     """
     report, unit = without_nulls(report), outcome.rig.length_unit
     pictures = draw(outcome) if pictures is None else pictures
@@ -273,14 +262,6 @@ def _refinement(report: Mapping, length_unit: str) -> dict | None:
         )
         for name, own in found["cameras"].items()
     ]
-    titles = (
-        "Camera",
-        "trusted to (px)",
-        "moved (px)",
-        "shift (px)",
-        f"position ({length_unit})",
-        "turn (degrees)",
-        "focal length",
-        "gain",
-    )
+    titles = ("Camera", "trusted to (px)", "moved (px)", "shift (px)",
+              f"position ({length_unit})", "turn (degrees)", "focal length", "gain")  # fmt: skip
     return {"words": words, "titles": titles, "rows": rows}

@@ -48,29 +48,17 @@ def write_series_outcome(
 ) -> dict[str, Any]:
     """Write the report page beside a store, as ``flametomo reconstruct --frames`` does.
 
-    Parameters
-    ----------
-    store : SeriesStore
-    scan : Scan, optional
-        What it was reconstructed from: says why frames that were left out could not be read.
-    with_film : bool
-        Whether the page shows volumes.
-    progress : bool or callable, optional
-        True shows a bar.
-
-    Returns
-    -------
-    report : dict
-        The figures of the series, see `series_report`; ``page`` is the path of the page.
+    The ``scan`` that it was reconstructed from says why frames that were left out could not be
+    read. The page shows volumes ``with_film``; ``progress`` True shows a bar. Returns the figures
+    of the series, see `series_report`; ``page`` is the path of the page.
     """
     table = SeriesTable.of(store)
     report = series_report(table)
     if scan is not None:
         report["warnings"] += _reasons_left_out(report["left_out"], scan)
     with progress_of(progress, "report") as tell:
-        write_series_report(
-            report["page"], table, report["warnings"], with_film=with_film, progress=tell
-        )
+        lines = report["warnings"]
+        write_series_report(report["page"], table, lines, with_film=with_film, progress=tell)
     return report
 
 
@@ -208,31 +196,17 @@ def _headline(table: SeriesTable) -> list[tuple[str, str, str]]:
 def _charts(table: SeriesTable, shown: Sequence[int]) -> list[Chart]:
     """Return the charts of the figures, those that the series has."""
     colours = {name: COLOURS[n % len(COLOURS)] for n, name in enumerate(table.cameras)}
-
     emission = short_unit(table.store.unit("total_emission"))
     found = [
-        chart(
-            "PSNR of the held-out camera, more is better",
-            table.each_camera("psnr"),
-            unit="dB",
-            shown=shown,
-            colours=colours,
-        ),
-        chart(
-            "Relative residual, less is better",
-            {"all that took part": table.columns["relative_residual"]}
-            | table.each_camera("view_residual"),
-            shown=shown,
-            from_zero=True,
-            colours={"all that took part": "#1b2733"} | colours,
-            digits=3,
-        ),
-        chart(
-            "Light of each camera over the volume's, 1 is right",
-            table.each_camera("view_light"),
-            shown=shown,
-            colours=colours,
-        ),
+        chart("PSNR of the held-out camera, more is better", table.each_camera("psnr"), unit="dB",
+              shown=shown, colours=colours),
+        chart("Relative residual, less is better",
+              {"all that took part": table.columns["relative_residual"]}
+              | table.each_camera("view_residual"),
+              shown=shown, from_zero=True, colours={"all that took part": "#1b2733"} | colours,
+              digits=3),
+        chart("Light of each camera over the volume's, 1 is right",
+              table.each_camera("view_light"), shown=shown, colours=colours),
         chart("Total emission", {"": table.columns["total_emission"]}, unit=emission, shown=shown,
               from_zero=True),
         chart("Seconds a frame", {"": table.columns["seconds"]}, unit="s", shown=shown,

@@ -18,14 +18,7 @@ Rows = list[tuple[str, str, str]]
 
 
 def trust_figures(report: Mapping, length_unit: str) -> Rows:
-    """Return the figures of the uncertainty and of the emission, without what is not known.
-
-    Parameters
-    ----------
-    report : mapping
-        The contents of report.json, without what is None.
-    length_unit : str
-    """
+    """Return the figures of the uncertainty and of the emission, of what a report knows."""
     condition = report.get("uncertainty") or {}
     unit = raised((report.get("emission") or {}).get("unit", ""))
     return [

@@ -132,13 +132,9 @@ class VolumeComparison:
     def write(self, path: str | os.PathLike) -> None:
         """Write a page that needs no other file and no network."""
         found, (first, second) = self.figures, self.names
+        over = f"root mean square of the difference over that of {first}"
         headline = (
-            (
-                "nrmse",
-                "{:.3g}",
-                "NRMSE",
-                f"root mean square of the difference over that of {first}",
-            ),
+            ("nrmse", "{:.3g}", "NRMSE", over),
             ("cosine_distance", "{:.3g}", "Cosine distance", "0: equal up to a factor"),
             ("psnr", "{:.1f} dB", "PSNR", f"by the range of {first}"),
             ("ssim", "{:.3f}", "SSIM", "1: equal structure"),
@@ -160,16 +156,13 @@ class VolumeComparison:
                 "alt": f"Three planes of {first}, of {second} and of their difference",
                 "caption": f"Both on one scale; last {second} less {first}, red where more.",
             },
-            titles=[
-                "Volume",
-                with_unit("total", found["total_unit"]),
-                with_unit("peak", self.first.value_unit),
-            ],
+            titles=["Volume", with_unit("total", found["total_unit"]),
+                    with_unit("peak", self.first.value_unit)],
             rows=[
                 [found[key]["name"], f"{found[key]['total']:.6g}", f"{found[key]['peak']:.6g}"]
                 for key in "ab"
             ],
-        )
+        )  # fmt: skip
         write_text(path, page)
 
 

@@ -26,7 +26,8 @@ UPS = [Up(), Up(2), Up(0, -1)]
 def test_the_middle_of_a_uniform_volume_is_its_chord(up):
     viewpoint = eye_of(GRID, (61, 61), 70.0, up)
     pixel = np.round(viewpoint.project(GRID.center)[0]).astype(int)
-    direction = viewpoint.directions(pixel[None].astype(float))[0]
+    plane = (pixel - viewpoint.principal) / viewpoint.focal
+    direction = np.append(plane, 1) @ viewpoint.axes / np.linalg.norm([*plane, 1])
     both = np.stack([GRID.lower - viewpoint.eye, GRID.upper - viewpoint.eye]) / direction
     chord = both.max(axis=0).min() - both.min(axis=0).max()
     image = emission_image(Volume(np.full(GRID.shape, 3.0), GRID), viewpoint)
@@ -56,8 +57,9 @@ def test_from_afar_the_light_of_all_pixels_is_the_total_emission():
     )
 
 
-@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (30, 140, 30)])
-@pytest.mark.parametrize("up", UPS)
+@pytest.mark.parametrize(
+    ("shape", "up"), zip([(40, 1, 40), (1, 44, 36), (30, 140, 30)], UPS, strict=True)
+)
 def test_colours_end_little_above_what_is_seen_of_flat_volumes_too(shape, up):
     grid = VoxelGrid(shape, 1.0)
     data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)

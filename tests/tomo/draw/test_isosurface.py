@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from tomo.draw.volume import coarsened, isosurface, isosurface_scene
+from tomo.draw.volume.isosurface import coarsened, isosurface, isosurface_scene
 from tomo.grid import Volume, VoxelGrid
 
 # Different counts, spacings and offsets along every axis: no mix-up of axes can pass.

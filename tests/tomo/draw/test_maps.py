@@ -7,14 +7,10 @@ import trimesh
 
 from rigs import check_rig, look_at, ring
 from rigs.check.rig_check import lattice
-from tomo.draw import Scene, Viewpoint, write_glb
+from tomo.draw import Viewpoint, write_glb
 from tomo.draw.figures import save_figure
 from tomo.draw.raster import render
-from tomo.draw.rig.rig_page import (
-    coverage_maps,
-    coverage_scene,
-    draw_coverage,
-)
+from tomo.draw.rig.rig_page import coverage_maps, coverage_scene, draw_coverage
 from tomo.draw.rig.surroundings import target_scene
 from tomo.draw.scene import ColourScale
 from tomo.draw.volume.planes import lattice_triangles, map_scene
@@ -67,7 +63,7 @@ def test_values_are_the_same_colours_in_a_picture_and_in_glb(tmp_path):
     np.testing.assert_allclose(loaded.visual.vertex_colors[0, :3] / 255, linear, atol=0.03)
 
 
-@pytest.mark.parametrize("shape", [(30, 140, 30), (200, 200, 200), (2, 3, 1), (7, 400, 7)])
+@pytest.mark.parametrize("shape", [(30, 140, 30), (2, 3, 1), (7, 400, 7)])
 def test_points_of_a_check_reach_the_outermost_voxels_and_the_middle(shape):
     grid = VoxelGrid(shape, (0.5, 0.25, 1.0), (1.0, 2.0, 3.0))
     box = lattice(grid)
@@ -90,14 +86,13 @@ def checked():
 
 def test_coverage_is_mapped_with_what_is_known(checked):
     maps = coverage_maps(checked)
-    assert [shown.name for shown in maps] == ["views", "details", "pixel size", "ray-miss"]
-    views = maps[0].values
+    assert [shown.heading for shown in maps] == ["views", "details", "pixel size", "ray-miss"]
+    views = maps[0].volume
     assert views[tuple(n // 2 for n in views.shape)] == 5
     assert views[:, 0].max() == 0  # the ends of the box are outside every image
-    assert np.nanmedian(maps[2].values) == pytest.approx(0.6, rel=0.05)
+    assert np.nanmedian(maps[2].volume) == pytest.approx(0.6, rel=0.05)
     scene = coverage_scene(maps)
-    assert scene.groups == tuple(f"map: {shown.name}" for shown in maps)
-    assert isinstance(scene, Scene)
+    assert scene.groups == tuple(f"map: {shown.heading}" for shown in maps)
 
 
 def test_the_maps_picture_shows_the_unseen_ends(checked, tmp_path):

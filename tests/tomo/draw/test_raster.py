@@ -14,17 +14,6 @@ def front(scene, size=(60, 40)):
     return Viewpoint.framing(scene.bounds, (0, 0, 1), (0, 1, 0), size, distance=50)
 
 
-def test_projection_and_directions_are_inverse():
-    points = np.random.default_rng(1).normal(size=(20, 3))
-    view = Viewpoint.framing(points, (1, 2, 3), (0, 1, 0), (300, 200))
-    uv = view.project(points)
-    assert (uv > 0).all()
-    assert (uv < view.size).all()
-    away = points - view.eye
-    away /= np.linalg.norm(away, axis=1, keepdims=True)
-    np.testing.assert_allclose(view.directions(uv), away, atol=1e-12)
-
-
 def test_framing_fills_the_picture_inside_the_margins():
     points = np.random.default_rng(2).normal(size=(50, 3)) * [1, 9, 2] + [100, 0, -30]
     view = Viewpoint.framing(points, (1, 1, 2), (0, 1, 0), (400, 300), margins=(0.1,) * 4)

@@ -3,10 +3,9 @@ import pytest
 
 from rigs import Camera, Distortion, Rig, look_at
 from rigs.scene import Cylinder, Glass, Mesh, Opaque, Sphere, Window
-from tomo.draw.rig import frustum, rig_scene
-from tomo.draw.rig.rig_scene import Target, border_rays, up_of
+from tomo.draw.rig.rig_scene import Target, border_rays, frustum, rig_scene, up_of
 from tomo.draw.rig.surroundings import triangles_of
-from tomo.draw.volume import isosurface_scene
+from tomo.draw.volume.isosurface import isosurface_scene
 from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75), (1.0, 2.0, 3.0))

@@ -7,8 +7,7 @@ from PIL import Image
 
 from rigs import ring
 from tomo import VoxelGrid
-from tomo.draw.rig import frustum
-from tomo.draw.rig.rig_scene import Target, symbol_length, symbol_widening
+from tomo.draw.rig.rig_scene import Target, frustum, symbol_length, symbol_widening
 from tomo.draw.rig.thumbnails import contact_sheet, image_scene, load_thumbnails
 
 GRID = VoxelGrid((10, 20, 10), 1.0)
@@ -105,8 +104,7 @@ def sheet(count, size=(40, 60), grid=GRID, level=0):
     return np.asarray(Image.open(io.BytesIO(contact_sheet(rig, images, grid, "a $_ title"))))
 
 
-@pytest.mark.parametrize("count", [1, 5])
-@pytest.mark.parametrize("size", [(40, 60), (90, 30)])
+@pytest.mark.parametrize(("count", "size"), [(1, (90, 30)), (5, (40, 60))])
 def test_every_camera_has_its_picture(count, size):
     shown = sheet(count, size)[..., :3].astype(int)
     black = shown.sum(axis=-1) < 30  # inferno's darkest

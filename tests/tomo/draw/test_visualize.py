@@ -30,9 +30,7 @@ def test_a_volume_is_the_same_however_it_is_given(tmp_path):
     assert volume_of(array).value_unit == volume_of(tmp_path / "volume.npz").value_unit == "u"
 
 
-@pytest.mark.parametrize(
-    ("suffix", "begin"), [("pdf", b"%PDF"), ("svg", b"<?xml"), ("png", b"\x89PNG")]
-)
+@pytest.mark.parametrize(("suffix", "begin"), [("pdf", b"%PDF"), ("svg", b"<?xml")])
 def test_figures_have_the_same_bytes_each_time(tmp_path, suffix, begin):
     for name in ("first", "second"):
         visualize_volume(tmp_path / f"{name}.{suffix}", DATA, GRID, title="x")

@@ -6,8 +6,8 @@ import pytest
 from tomo.draw.emission import EYE, emission_image
 from tomo.draw.frame import Up, Viewpoint
 from tomo.draw.shapes import box_corners
-from tomo.draw.volume import draw_volume
 from tomo.draw.volume.planes import middle_planes
+from tomo.draw.volume.visualize import draw_volume
 from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((4, 7, 5), (0.5, 1.0, 2.0), (10.0, 20.0, 30.0))
@@ -34,16 +34,36 @@ def parts(figure):
     return planes, [axes for axes in figure.axes if axes.axison and not axes.get_images()]
 
 
+def ticks_apart(axis):
+    """Return the ticks in view of a plane's axis; they lie apart."""
+    low, high = sorted(axis.get_view_interval())
+    ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
+    ticks = [tick for tick in ticks if tick.label1.get_visible()]
+    boxes = [tick.label1.get_window_extent() for tick in ticks]
+    assert boxes
+    assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))
+    return ticks
+
+
 @pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (40, 44, 1), (30, 140, 30)])
-def test_words_and_scales_of_a_slice_can_be_read(shape):
+def test_words_and_scales_of_a_picture_can_be_read(shape):
     """What a plane is called is read against it or beside it; numbers lie apart.
 
-    Every colour scale is long enough, and in the figure.
+    Every colour scale is long enough, and in the figure. Light across a thin volume reaches the
+    upper part of its scale, and does not leave it.
     """
     grid = VoxelGrid(shape, 1.0)
     data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
     figure = draw_volume(Volume(data, grid))
     figure.canvas.draw()
+    (scale,) = figure.axes[0].child_axes
+    low, high = scale.get_ylim()
+    viewpoint = Viewpoint.framing(
+        box_corners(grid.lower, grid.upper), Up().eye_direction(*EYE), (0, 1, 0), (200, 200)
+    )
+    brightest = emission_image(Volume(data, grid), viewpoint).max()
+    assert low == 0
+    assert 0.25 * high <= brightest <= 1.01 * high
     planes, (bar,) = parts(figure)
     assert len(planes) == 3
     box = bar.get_window_extent()
@@ -54,31 +74,10 @@ def test_words_and_scales_of_a_slice_can_be_read(shape):
         name = axes.title.get_window_extent()
         assert not name.overlaps(axes.get_window_extent())
         assert inside.x0 < name.x0 < name.x1 < inside.x1
-        for axis in (axes.xaxis, axes.yaxis):
-            low, high = sorted(axis.get_view_interval())
-            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
-            boxes = [one.label1.get_window_extent() for one in ticks if one.label1.get_visible()]
-            assert boxes
-            assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))
+        ticks_apart(axes.xaxis)
+        ticks_apart(axes.yaxis)
     names = [axes.title.get_window_extent() for axes in planes]
     assert not any(a.overlaps(b) for a, b in itertools.combinations(names, 2))
-
-
-@pytest.mark.parametrize("shape", [(40, 1, 40), (1, 44, 36), (40, 44, 1), (30, 140, 30)])
-def test_light_across_a_thin_volume_can_be_seen(shape):
-    """It reaches the upper part of its colour scale, and does not leave it."""
-    grid = VoxelGrid(shape, 1.0)
-    data = np.exp(-(grid.centers() ** 2).sum(axis=-1) / 80).astype(np.float32)
-    figure = draw_volume(Volume(data, grid))
-    light = figure.axes[0]
-    (bar,) = light.child_axes
-    viewpoint = Viewpoint.framing(
-        box_corners(grid.lower, grid.upper), Up().eye_direction(*EYE), (0, 1, 0), (200, 200)
-    )
-    brightest = emission_image(Volume(data, grid), viewpoint).max()
-    low, high = bar.get_ylim()
-    assert low == 0
-    assert 0.25 * high <= brightest <= 1.01 * high
 
 
 def test_emission_is_shown_from_zero():
@@ -99,11 +98,6 @@ def test_far_from_the_origin_coordinates_are_written_out():
     for axes in planes:
         for axis in (axes.xaxis, axes.yaxis):
             assert axis.get_offset_text().get_text() == ""
-            low, high = sorted(axis.get_view_interval())
-            ticks = [tick for tick in axis.get_major_ticks() if low <= tick.get_loc() <= high]
-            shown = [tick for tick in ticks if tick.label1.get_visible()]
-            for tick in shown:
+            for tick in ticks_apart(axis):
                 text = tick.label1.get_text().replace("\N{MINUS SIGN}", "-")
                 assert float(text) == tick.get_loc()
-            boxes = [tick.label1.get_window_extent() for tick in shown]
-            assert not any(a.overlaps(b) for a, b in itertools.pairwise(boxes))

@@ -2,16 +2,18 @@ import json
 import re
 import struct
 
+import matplotlib.image
 import numpy as np
 import pytest
 import trimesh
 
 from rigs import Camera, Rig, look_at
-from tomo.draw import Mesh, Scene, visualize_volume, write_glb, write_html
+from tomo.draw import Mesh, Scene, write_glb, write_html
 from tomo.draw.figures import save_figure
-from tomo.draw.rig import draw_rig, rig_scene
+from tomo.draw.rig.rig_picture import draw_rig
+from tomo.draw.rig.rig_scene import rig_scene
 from tomo.draw.stage import Shown
-from tomo.draw.volume import isosurface_scene
+from tomo.draw.volume.isosurface import isosurface_scene
 from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((6, 14, 8), (0.5, 1.0, 0.75), (1.0, 2.0, 3.0))
@@ -108,13 +110,9 @@ def test_html_escapes_names(tmp_path):
     assert HOSTILE in {label["text"] for label in json.loads(data)["labels"]}
 
 
-@pytest.mark.parametrize("count", [1, 5])
-def test_rig_png_has_its_size_and_content(tmp_path, volume, count):
-    import matplotlib.image
-
+def test_rig_png_has_its_size_and_content(tmp_path, volume):
     path = tmp_path / "rig.png"
-    names = [HOSTILE, "b", "c", "d", "e"][:count]
-    save_figure(draw_rig(rig_of(*names), volume=volume), path)
+    save_figure(draw_rig(rig_of(HOSTILE, "b"), volume=volume), path)
     picture = matplotlib.image.imread(path)[..., :3]
     assert picture.shape == (1200, 2200, 3)
     assert 0.01 < (picture.min(axis=2) < 0.9).mean() < 0.6
@@ -130,8 +128,3 @@ def test_no_two_names_overlap_in_the_picture():
     assert len(written & set(names)) >= 28  # a name may be left out, not written over another
     for i, one in enumerate(boxes):
         assert not any(one.padded(-1).overlaps(other.padded(-1)) for other in boxes[:i])
-
-
-def test_dark_volume_is_drawn_too(tmp_path):
-    visualize_volume(tmp_path / "v.png", np.zeros(GRID.shape), GRID)
-    assert (tmp_path / "v.png").stat().st_size > 10_000

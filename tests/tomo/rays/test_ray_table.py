@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from phantoms import GaussianBlobs, create
 from rigs import Distortion, RayTable, load_rig, ring
 from tomo import VoxelGrid, load_scan
-from tomo.draw.rig import rig_scene
+from tomo.draw.rig.rig_scene import rig_scene
 from tomo.hull import carve
 from tomo.inference.infer import infer
 from tomo.inference.solve import first_fit

@@ -36,10 +36,14 @@ def outcome():
     return tomo.reconstruct(scan, method="mlem", iterations=5)
 
 
-def test_what_another_process_draws_is_the_same(outcome):
-    here = drawn(outcome, SLOW)
+@pytest.fixture(scope="module")
+def artist():
     with Artist() as artist:
-        there = artist.ask(drawn, outcome, SLOW).result()
+        yield artist
+
+
+def test_what_another_process_draws_is_the_same(outcome, artist):
+    here, there = drawn(outcome, SLOW), artist.ask(drawn, outcome, SLOW).result()
     assert [one.name for one in there.pictures] == ["flame", "difference"]
     assert [one.png for one in there.pictures] == [one.png for one in here.pictures]
     assert there.pages == here.pages
@@ -51,20 +55,18 @@ def test_what_is_known_is_not_drawn_again(outcome):
     assert drawn(outcome, (*SLOW, "flame", "difference", "flame.html")) == Drawn()
 
 
-def test_it_is_asked_in_order_and_what_follows_is_done_by_then():
+def test_it_is_asked_in_order_and_what_follows_is_done_by_then(artist):
     told = []
-    with Artist() as artist:
-        first = artist.ask(int, "7", then=told.append)
-        second = artist.ask(os.getpid, then=told.append)
-        assert second.result() != os.getpid()
-        assert told == [first.result(), second.result()]
+    first = artist.ask(int, "7", then=told.append)
+    second = artist.ask(os.getpid, then=told.append)
+    assert second.result() != os.getpid()
+    assert told == [first.result(), second.result()]
 
 
-def test_errors_come_back():
-    with Artist() as artist:
-        with pytest.raises(ValueError, match="invalid literal"):
-            artist.ask(int, "seven").result()
-        assert artist.ask(int, "7").result() == 7
+def test_errors_come_back(artist):
+    with pytest.raises(ValueError, match="invalid literal"):
+        artist.ask(int, "seven").result()
+    assert artist.ask(int, "7").result() == 7
 
 
 def test_a_process_that_is_killed_is_replaced_by_a_thread():

@@ -36,6 +36,11 @@ def condition_of(system, repeats):
     return assess(system, measured, volume, solve, repeats=repeats)
 
 
+@pytest.fixture(scope="module")
+def few(system):
+    return condition_of(system, 2)
+
+
 def outcome_of(system, repeats):
     condition = condition_of(system, repeats)
     volume = condition.volume.reshape(GRID.shape)
@@ -59,8 +64,8 @@ def test_the_figure_has_two_volumes_each_on_its_own_scale():
         draw_deviations(volume, volume[1:])
 
 
-def test_all_voxels_are_in_the_table_and_each_figure_has_its_meaning(system):
-    report = condition_of(system, 2).report()
+def test_all_voxels_are_in_the_table_and_each_figure_has_its_meaning(few):
+    report = few.report()
     views = coverage_table(report)["rows"]
     counted = sum(int(row[1].split()[0].replace(",", "")) for row in views)
     assert counted == GRID.size
@@ -73,8 +78,8 @@ def test_all_voxels_are_in_the_table_and_each_figure_has_its_meaning(system):
 
 
 @pytest.mark.parametrize("lacking", ["standard_deviation", "resolution", "intervals"])
-def test_what_is_not_known_is_left_out(system, lacking):
-    report = condition_of(system, 2).report()
+def test_what_is_not_known_is_left_out(few, lacking):
+    report = few.report()
     del report[lacking]
     assert trust_figures({"uncertainty": report}, "mm")
     assert coverage_table(None) is None

@@ -41,7 +41,7 @@ def scan(flames):
     return Scan.from_arrays(rig, images, GRID)
 
 
-@pytest.fixture
+@pytest.fixture(scope="session")
 def content(flames, scan):
     frames = Frames(("start", "middle", "end"), flames.__getitem__)
     return Content("spot", scan.rig, GRID, frames, scan, scan.frame_names)

@@ -23,9 +23,16 @@ def result(scan):
     return reconstruct(scan.scaled(2), options=options)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def viewer(scan):
     shown = show(scan.rig, port=18650)
+    yield shown
+    shown.stop()
+
+
+@pytest.fixture(scope="module")
+def film(content):
+    shown = Viewer(content, 18650)
     yield shown
     shown.stop()
 
@@ -111,12 +118,8 @@ def test_another_page_may_not_take_or_frame_an_answer(viewer):
         "/volume/0/../../setup.cfg", "/compare/0/999", "/volume/1" + "0" * 40, "/?file=/etc",
     ],
 )  # fmt: skip
-def test_nothing_but_numbers_can_be_asked_for(content, path):
-    shown = Viewer(content, 18650)
-    try:
-        assert asked(shown.url + path) == (404, b"nothing here")
-    finally:
-        shown.stop()
+def test_nothing_but_numbers_can_be_asked_for(film, path):
+    assert asked(film.url + path) == (404, b"nothing here")
 
 
 def test_answers_are_those_of_the_content_and_errors_one_line(content, flames):

@@ -108,12 +108,7 @@ def test_a_camera_is_compared_beside_the_light_and_follows_the_frame(open_viewer
 def test_a_film_plays_and_asks_no_other_host(browser, open_viewer, content, flames):
     frames = Frames(("start", "middle", HOSTILE), lambda place: flames[place] * (1 + place))
     page = open_viewer(replace(content, frames=frames, title=HOSTILE))
-    state = (
-        BRIGHTEST
-        + """
-        return [document.querySelector(".moment").textContent, brightest()];
-    """
-    )
+    state = f"{BRIGHTEST} return [document.querySelector('.moment').textContent, brightest()];"
     label, dim = page.evaluate(state)
     assert label == "start"
     page.evaluate(moved("Frame of the film", 2) + "await pause(600);")
@@ -233,10 +228,12 @@ def test_without_webgl_a_picture_stands_in_and_cameras_are_compared(browser, ope
         found = open_viewer(content).evaluate(
             COMPARED + "const image = document.querySelector('.sight img');"
             "return [image.hidden, image.naturalWidth,"
+            " getComputedStyle(stages[0].canvas).display,"
             " document.querySelector('.controls').textContent,"
             " compared.querySelector('output').textContent];"
         )
     assert found[0] is False
     assert found[1] > 200
-    assert "offers no WebGL2" in found[2]
-    assert found[3].startswith("cam00: residual")
+    assert found[2] == "none"
+    assert "offers no WebGL2" in found[3]
+    assert found[4].startswith("cam00: residual")

@@ -32,26 +32,6 @@ if TYPE_CHECKING:
 
 _LEVELS = {"good": "green", "doubtful": "amber", "poor": "red"}
 
-_PICTURES = (
-    (
-        "Residuals over the images",
-        "Measured less projected. Arrows that point the same way in neighbouring cells are what "
-        "the lens model does not describe; arrows at random are noise.",
-    ),
-    (
-        "Images that fit worst",
-        "Points as detected and as the rig projects them, those left out included.",
-    ),
-    (
-        "Coverage of the images",
-        "Where the target was seen. Where it was not, the lens is extrapolated.",
-    ),
-    (
-        "Coverage of depth",
-        "How far from each camera the target was: it should reach through the volume and beyond.",
-    ),
-)
-
 Columns = Sequence[tuple[str, Callable[[int], Any]]]
 """The titles of a table's columns, and what gives a row's entry."""
 
@@ -80,12 +60,12 @@ def write_calibration_page(
     grid = grid_of(calibration.rig) or _evaluated_box(calibration)
     if image_of is None and calibration.images is not None:
         image_of = _reader(calibration.images)
-    figures = (
-        draw_residuals(calibration),
-        None if image_of is None else draw_worst(calibration, image_of),
-        draw_coverage(calibration),
-        draw_depths(calibration, grid),
-    )
+    figures = {
+        "residuals": draw_residuals(calibration),
+        "worst": None if image_of is None else draw_worst(calibration, image_of),
+        "coverage": draw_coverage(calibration),
+        "depths": draw_depths(calibration, grid),
+    }
     rig = calibration.rig
     scene = rig_scene(rig, grid).without("field of view", "arrows", "arrow names", "stems")
     text = render(
@@ -98,11 +78,7 @@ def write_calibration_page(
         cameras=_cameras(calibration),
         lenses=_lenses(calibration),
         frames=_frames(calibration),
-        pictures=[
-            {"title": heading, "alt": heading, "caption": words, "data": embedded(png_bytes(one))}
-            for (heading, words), one in zip(_PICTURES, figures, strict=True)
-            if one is not None
-        ],
+        pictures={name: one and embedded(png_bytes(one)) for name, one in figures.items()},
         stage=stage(scene + calibration_targets(calibration), up=up_of(rig), grid=grid),
         details=[(key, str(value)) for key, value in (details or {}).items()],
     )
@@ -189,13 +165,9 @@ def _lenses(calibration: Calibration) -> tuple:
     """Return the table of lenses."""
     cameras = [own_camera(camera) for camera in calibration.rig]
     lenses = [camera for camera in cameras if has_lens(camera)]  # all: `calibrate` finds lenses
-    matrices, focal_error = (
-        [lens.camera_matrix for lens in lenses],
-        calibration.quality.focal_error,
-    )
-    terms = [
-        ", ".join(f"{value:.4g}" for value in lens.distortion.coefficients) for lens in lenses
-    ]
+    matrices = [lens.camera_matrix for lens in lenses]
+    focal_error = calibration.quality.focal_error
+    terms = [", ".join(f"{one:.4g}" for one in lens.distortion.coefficients) for lens in lenses]
     columns: Columns = (
         ("Camera", lambda n: lenses[n].name),
         ("image", lambda n: "{} x {}".format(*lenses[n].image_size)),

@@ -16,54 +16,43 @@ from tomo.draw.shapes import BOX_EDGES, box_corners
 from tomo.grid import VoxelGrid
 
 _ALONG = 9  # points of a projected edge: a lens bends it
-
-
 _CELLS = (3, 6, 12, 24, 48)  # along a side
 
 
 @dataclass(frozen=True, eq=False)
 class CameraView:
-    """One camera of a page.
-
-    ``image`` ``(rows, columns)`` uint8 is what it saw, shrunk; ``outlines`` are lines ``(N, 2)``
-    to draw into the image, in pixels: the edges of the volume.
-    """
+    """One camera of a page."""
 
     name: str
     colour: Colour
     table: DirectionTable
-    image: NDArray[np.uint8] | None = None
-    outlines: tuple[NDArray[np.float64], ...] = ()
+    image: NDArray[np.uint8] | None = None  # (rows, columns): what it saw, shrunk
+    outlines: tuple[NDArray[np.float64], ...] = ()  # edges of the volume, (N, 2) in its pixels
 
     def data(self) -> dict:
         """Return plain data for the page."""
-        missing = ~np.isfinite(self.table.nodes).all(axis=2)
-        origins = self.table.origins
+        import cv2
+
+        table, image = self.table, self.image
         return {
             "name": self.name,
             "colour": [round(255 * c) for c in self.colour],
-            "size": list(self.table.size),
-            "origin": self.table.origin.tolist(),
-            "rows": self.table.nodes.shape[0],
-            "columns": self.table.nodes.shape[1],
-            "nodes": _flat(self.table.nodes),
-            "origins": None if origins is None else _flat(origins),
-            "missing": np.flatnonzero(missing).tolist(),
-            "corners": [_flat(points) for points in self.table.corners],
-            "straight": [
-                np.flatnonzero(~np.isfinite(points).all(axis=2)).tolist()
-                for points in self.table.corners
-            ],
-            "image": self._picture(),
+            "size": list(table.size),
+            "origin": table.origin.tolist(),
+            "rows": table.nodes.shape[0],
+            "columns": table.nodes.shape[1],
+            "nodes": _flat(table.nodes),
+            "origins": None if table.origins is None else _flat(table.origins),
+            "missing": _missing(table.nodes),
+            "corners": [_flat(points) for points in table.corners],
+            "straight": [_missing(points) for points in table.corners],
+            "image": None if image is None else embedded(cv2.imencode(".png", image)[1].tobytes()),
             "outlines": [np.round(line, 2).tolist() for line in self.outlines],
         }
 
-    def _picture(self) -> str | None:
-        if self.image is None:
-            return None
-        import cv2
 
-        return embedded(cv2.imencode(".png", self.image)[1].tobytes())
+def _missing(nodes: NDArray[np.float64]) -> list[int]:
+    return np.flatnonzero(~np.isfinite(nodes).all(axis=2)).tolist()
 
 
 def _flat(nodes: NDArray[np.float64]) -> list[float]:
@@ -74,11 +63,7 @@ def _flat(nodes: NDArray[np.float64]) -> list[float]:
 def camera_views(
     rig: Rig, grid: VoxelGrid | None = None, images: Mapping[str, NDArray] | None = None
 ) -> tuple[CameraView, ...]:
-    """Return the views of all cameras.
-
-    The edges of ``grid`` are drawn into the ``images``: camera to thumbnail, ``(rows, columns)``
-    uint8.
-    """
+    """Return the views of all cameras, the edges of ``grid`` drawn into their thumbnails."""
     target, up = Target.of(rig, grid), up_of(rig)
     return tuple(
         CameraView(
@@ -106,31 +91,19 @@ def box_edges(camera: CameraLike, grid: VoxelGrid) -> Iterator[NDArray[np.float6
 class DirectionTable:
     """Directions at nodes spread evenly over an image, from its outer border to the other.
 
-    Attributes
-    ----------
-    origin : (3,) float64
-        Where rays start: the camera's position ...
-    size : (int, int)
-        Width and height of the image in pixels.
-    nodes : (rows, columns, 3) float64
-        World directions, not of unit length: scaled such that a pinhole's lie on a plane. NaN
-        where the lens maps none.
-    origins : (rows, columns, 3) float64, optional
-        ... or where each node's ray does, of a camera whose rays do not meet in a point.
-    corners : tuple of (rows, columns, 3) float64
-        The points, from the camera on, between which each node's ray comes to its origin through
-        a scene. NaN where it does so at another number of faces than most.
-
-    Notes
-    -----
     Between nodes both follow the cubic through the four nearest nodes along each side, or
     straight lines where one of those is NaN; where a cell has a corner that is NaN there is none.
     """
 
-    origin: NDArray[np.float64]
+    origin: NDArray[np.float64]  # (3,), where rays start: the camera's position
     size: tuple[int, int]
+    # (rows, columns, 3) world directions, scaled such that a pinhole's lie on a plane; NaN where
+    # the lens maps none
     nodes: NDArray[np.float64]
+    # (rows, columns, 3) where rays start that do not meet in a point
     origins: NDArray[np.float64] | None = None
+    # (rows, columns, 3) each: points, from the camera on, between which each node's ray comes to
+    # its origin through a scene; NaN where it does so at another number of faces than most
     corners: tuple[NDArray[np.float64], ...] = ()
 
     @classmethod

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -146,20 +146,11 @@ def number(value: float, digits: int = 4) -> str:
     return f"{value:.{digits}g}" if abs(value) > 1e-9 else "0"
 
 
-@dataclass(frozen=True, eq=False)
-class CoverageMap:
-    """One figure of merit at points all over the volume; NaN where there is none."""
-
-    name: str
-    values: Volume
-    scale: ColourScale
-
-
-def coverage_maps(check: RigCheck) -> tuple[CoverageMap, ...]:
+def coverage_maps(check: RigCheck) -> tuple[Slices, ...]:
     """Return the maps of views, resolved details, pixel size, ray-miss and, where known, blur.
 
-    Colours mean the same for every rig unless a figure runs off the scale: lengths are counted in
-    voxels.
+    A map is NaN where there is no figure. Colours mean the same for every rig unless a figure runs
+    off the scale: lengths are counted in voxels.
 
     Raises
     ------
@@ -186,19 +177,19 @@ def coverage_maps(check: RigCheck) -> tuple[CoverageMap, ...]:
         if np.isfinite(values).any():
             scale = ColourScale(title, 0.0, max(float(np.nanmax(values)), upper), colours)
             volume = Volume(values.reshape(grid.shape), grid, found.rig.length_unit)
-            made.append(CoverageMap(name, volume, scale))
+            made.append(Slices(name, volume, scale))
     return tuple(made)
 
 
-def coverage_scene(maps: Sequence[CoverageMap]) -> Scene:
+def coverage_scene(maps: Sequence[Slices]) -> Scene:
     """Return every map on the grid's middle planes; groups are ``map: views`` and so on."""
-    scene = Scene(length_unit=maps[0].values.length_unit)
+    scene = Scene(length_unit=maps[0].volume.length_unit)
     for shown in maps:
-        scene += map_scene(shown.values, shown.name, shown.scale)
+        scene += map_scene(shown.volume, shown.heading, shown.scale)
     return scene
 
 
-def draw_coverage(maps: Sequence[CoverageMap], title: str = "") -> Figure:
+def draw_coverage(maps: Sequence[Slices], title: str) -> Figure:
     """Return the figure: a row of three middle planes for each map, all to one scale."""
-    slices = [Slices(one.scale.title, one.values, replace(one.scale, title="")) for one in maps]
-    return draw_slices(slices, title=title or "Coverage", whole=False)
+    slices = [Slices(one.scale.title, one.volume, replace(one.scale, title="")) for one in maps]
+    return draw_slices(slices, title=title, whole=False)

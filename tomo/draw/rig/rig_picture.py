@@ -48,19 +48,8 @@ def draw_rig(
 ) -> Figure:
     """Return the figure: the rig at true scale on the left, the volume close up on the right.
 
-    Parameters
-    ----------
-    grid : VoxelGrid, optional
-        The box to draw; the volume's or the rig's own when None. Without any the right half is
-        left out.
-    volume : Volume, optional
-        Its light is drawn in the close-up.
-    title : str
-        Stands above the picture.
-    extra : Scene, optional
-        What else to draw into the whole rig: another one, targets.
-    looks : Looks
-        Of the volume.
+    The box is the volume's, ``grid`` or the rig's own; without any the right half is left out.
+    ``extra`` is drawn into the whole rig too: another one, targets.
     """
     grid = volume.grid if volume is not None else grid_of(rig, grid)
     up = up_of(rig) if len(rig) else frame.UP

@@ -98,17 +98,12 @@ def rig_scene(rig: Rig, grid: VoxelGrid | None = None, up: Up | None = None) -> 
 
     Groups: ``cameras, names, sight lines, field of view, arrows, arrow names, box, solids`` and
     ``stems`` (each camera's plumb line, for still pictures).
-
-    Raises
-    ------
-    ValueError
-        If the rig has no camera.
     """
     if not len(rig):
         raise ValueError("rig: found no camera, expected at least one to draw")
     grid = grid_of(rig, grid)
     target = Target.of(rig, grid)
-    up = up_of(rig) if up is None else up
+    up = up or up_of(rig)
     typical = typical_distance(rig, target)
     scene = Scene(length_unit=rig.length_unit)
     for camera in rig:

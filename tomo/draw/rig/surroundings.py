@@ -22,15 +22,12 @@ if TYPE_CHECKING:
 
 _GOOD, _BAD = rgb("#12826a"), rgb("#c2500f")
 
-
 _LOOKS = {
     optics.Glass: (rgb("#6aa9c9"), 0.28),
     optics.Reflecting: (rgb("#8d99a6"), 0.75),
     optics.Opaque: (rgb("#4a4f57"), 1.0),
 }
 """Colour and opacity of materials."""
-
-_SECTIONS = 48  # sides of a drawn cylinder
 
 
 def target_scene(rig: Rig) -> Scene:
@@ -39,12 +36,6 @@ def target_scene(rig: Rig) -> Scene:
     Reads ``calibration.target_poses``: a list of mappings with ``frame`` and ``corners``, the
     corners of the target in order, ``(N, 3)`` in the axes of ``camera``. Those of a camera that
     the rig has no more are left out, and all where the rig counts in another unit by now.
-    Groups: ``targets, target names``.
-
-    Raises
-    ------
-    ValueError
-        If they are none of that.
     """
     scene = Scene(length_unit=rig.length_unit)
     summary = rig.calibration or {}
@@ -132,17 +123,15 @@ def triangles_of(solid: optics.Solid, width: float) -> tuple[NDArray[np.float64]
     if isinstance(solid, optics.Mesh):
         return solid.vertices, solid.triangles
     if isinstance(solid, optics.Sphere):
-        ball = trimesh.creation.icosphere(subdivisions=3, radius=solid.radius)
+        ball = trimesh.creation.icosphere(radius=solid.radius)
         return ball.vertices + np.array(solid.center), ball.faces
     if isinstance(solid, optics.Cylinder):
         length = solid.length if math.isfinite(solid.length) else width
         across = np.array(solid.axis)
         if solid.inner_radius > 0:
-            made = trimesh.creation.annulus(
-                solid.inner_radius, solid.radius, height=length, sections=_SECTIONS
-            )
+            made = trimesh.creation.annulus(solid.inner_radius, solid.radius, length)
         else:
-            made = trimesh.creation.cylinder(solid.radius, height=length, sections=_SECTIONS)
+            made = trimesh.creation.cylinder(solid.radius, length)
         return _placed(made, np.array(solid.point), across, None)
     if not isinstance(solid, optics.Window | optics.Mirror):
         raise ValueError(
@@ -154,7 +143,7 @@ def triangles_of(solid: optics.Solid, width: float) -> tuple[NDArray[np.float64]
     if isinstance(size, tuple):
         made = trimesh.creation.box((*size, thickness))
     else:
-        made = trimesh.creation.cylinder(size / 2, thickness, sections=_SECTIONS)
+        made = trimesh.creation.cylinder(size / 2, thickness)
     normal = np.array(solid.normal)
     return _placed(made, np.array(solid.point) - thickness / 2 * normal, normal, solid.across)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,8 +17,8 @@ from rigs.recordings.layout import ONLY, how_to_name
 from tomo.draw.figures import INK, new_figure, plain, png_bytes
 from tomo.draw.rig.camera_view import box_edges
 from tomo.draw.rig.rig_scene import Target, on_symbol, symbol_length
-from tomo.draw.scene import ColourScale, Mesh, Scene
-from tomo.draw.volume.planes import lattice_triangles
+from tomo.draw.scene import ColourScale, Scene
+from tomo.draw.volume.planes import lattice_mesh
 from tomo.grid import VoxelGrid
 from tomo.scan import Scan, load_scan
 
@@ -35,25 +36,11 @@ def load_thumbnails(
 ) -> dict[str, NDArray[np.uint8]]:
     """Return each camera's picture, shrunk by area means; cameras without one are left out.
 
-    Parameters
-    ----------
-    rig : Rig
-    source : Scan or path-like
-        A scan (or a folder with a scan.yaml, or a transforms.json), or a folder of images, see
-        `rigs.recordings.find_images`. A scan's are corrected as it says.
-    frame : str, optional
-        The moment; the first when None.
-    pattern : str, optional
-        How the files of a folder are named that is no scan.
-    note : callable, optional
-        Called with a line on what files say and reading does not heed, see `image_notes`.
-    longest : int
-        Pixels of a picture's longer side, at the most.
-
-    Returns
-    -------
-    dict of (rows, columns) uint8
-        Brightness in one scale for all: the brightest 0.1 % of all cameras' pixels are white.
+    The source is a scan (a folder with a scan.yaml, or a transforms.json), whose images are
+    corrected as it says, or a folder of images named by ``pattern``, see
+    `rigs.recordings.find_images`. The first moment is read where ``frame`` is None. ``note`` is
+    called with a line on what files say and reading does not heed. Pictures ``(rows, columns)``
+    have one scale: the brightest 0.1 % of all cameras' pixels are white.
 
     Raises
     ------
@@ -87,7 +74,7 @@ def load_thumbnails(
 
 def image_scene(rig: Rig, target: Target, images: Mapping[str, NDArray]) -> Scene:
     """Return the thumbnails in the faces of the cameras' symbols; the group is ``images``."""
-    length = symbol_length(rig, target)
+    length, scale = symbol_length(rig, target), ColourScale("", 0.0, 255.0, "gray")
     meshes = []
     for camera in rig:
         if camera.name not in images:
@@ -99,18 +86,9 @@ def image_scene(rig: Rig, target: Target, images: Mapping[str, NDArray]) -> Scen
         directions = camera.rays(uv)[1]
         finite = np.isfinite(directions).all(axis=1)
         points = on_symbol(camera, np.where(finite[:, None], directions, camera.R[2]), length)
-        triangles = lattice_triangles(rows, columns)
-        meshes.append(
-            Mesh(
-                camera.name,
-                "images",
-                points,
-                triangles[finite[triangles].all(axis=1)],
-                (0.5, 0.5, 0.5),
-                values=small.ravel(),
-                scale=ColourScale("", 0.0, 255.0, "gray"),
-            )
-        )
+        mesh = lattice_mesh(camera.name, "images", points, small, scale)
+        kept = finite[mesh.triangles].all(axis=1)
+        meshes.append(replace(mesh, triangles=mesh.triangles[kept]))
     return Scene(tuple(meshes), length_unit=rig.length_unit)
 
 
@@ -187,10 +165,7 @@ def shrunk(image: NDArray, longest: int) -> NDArray:
 def contact_sheet(
     rig: Rig, images: Mapping[str, NDArray[np.uint8]], grid: VoxelGrid, title: str = ""
 ) -> bytes:
-    """Return a PNG of the images, the box's edges drawn into each.
-
-    ``images`` are ``(rows, columns)`` uint8 by camera, see `load_thumbnails`.
-    """
+    """Return a PNG of `load_thumbnails`' images, the box's edges drawn into each."""
     cameras = [camera for camera in rig if camera.name in images]
     tall = max(camera.image_size[1] / camera.image_size[0] for camera in cameras)
     columns = min(len(cameras), max(1, round(math.sqrt(1.5 * tall * len(cameras)))))

@@ -23,18 +23,7 @@ def isosurface(data: NDArray, grid: VoxelGrid, level: float) -> Triangles:
     """Return the closed surface ``data == level`` with normals pointing to lower values.
 
     ``data`` ``(nx, ny, nz)`` are values at the voxels' centres. Outside the grid the value is
-    taken as zero, which closes the surface.
-
-    Returns
-    -------
-    vertices : (V, 3) float64
-        World coordinates, inside the grid's box. Empty when the level is nowhere reached.
-    triangles : (T, 3) int64
-
-    Raises
-    ------
-    ValueError
-        If the volume's shape is not the grid's, or the level is not above zero.
+    taken as zero, which closes the surface. It is empty where the level is nowhere reached.
     """
     if data.shape != grid.shape:
         raise ValueError(f"volume: found shape {data.shape}, expected the grid's {grid.shape}")

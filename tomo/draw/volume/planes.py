@@ -26,31 +26,19 @@ _VIEWS = ((0, 1, 2), (2, 1, 0), (0, 2, 1))
 _THINNEST, _SHORTEST_BAR = 0.15, 0.7  # inches that can still be seen
 _LEFT, _BETWEEN, _BAR, _BOTTOM, _TOP = 0.62, 0.58, 0.95, 0.5, 0.6  # inches round planes in a row
 
-
 MAP = "map: "
 """Prefix of groups of which one is shown at a time, because they lie on the same planes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """A plane through the middle of a volume.
+    """A plane through the middle of a volume."""
 
-    Attributes
-    ----------
-    values : (upright, level)
-        The middle voxels of an odd count, the mean of the two next to the middle of an even one.
-    axes : (int, int, int)
-        The level and the upright world axis, and the one looked along.
-    extent : (left, right, lower, upper)
-        In world coordinates.
-    at : float
-        The coordinate along the third axis.
-    """
-
+    # (upright, level): the middle voxels of an odd count, else the mean of the two next to it
     values: NDArray
-    axes: tuple[int, int, int]
-    extent: tuple[float, float, float, float]
-    at: float
+    axes: tuple[int, int, int]  # the level and the upright world axis, and the one looked along
+    extent: tuple[float, float, float, float]  # left, right, lower, upper, in the world
+    at: float  # along the third axis
 
     @property
     def name(self) -> str:
@@ -67,12 +55,16 @@ def middle_planes(volume: Volume) -> list[Plane]:
     (x0, y0, z0), (x1, y1, z1) = grid.lower.tolist(), grid.upper.tolist()
     ends = ((x0, x1), (y0, y1), (z0, z1))
     for level, upright, across in _VIEWS:
-        n = volume.shape[across]
-        plane = np.take(volume, [(n - 1) // 2, n // 2], axis=across).mean(axis=across)
+        plane = _middle(volume, across)
         plane = plane.T if level < upright else plane
         extent = (*ends[level], *ends[upright])
         planes.append(Plane(plane, (level, upright, across), extent, float(grid.center[across])))
     return planes
+
+
+def _middle(values: Volume, across: int) -> NDArray:
+    n = values.shape[across]
+    return np.take(values, [(n - 1) // 2, n // 2], axis=across).mean(axis=across)
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,18 +93,16 @@ def draw_slices(
     inches = min(3.2 / wide.sum(), 3.0 / tall.max())
     cell_width, cell_height = row_size(grid, inches)
     columns = columns or max(1, min(len(shown), math.floor(13.0 / cell_width)))
-    head = 0.45 if title else 0.0
-    size = (
-        max(columns * cell_width, 5.0 * bool(title)),
-        math.ceil(len(shown) / columns) * cell_height,
-    )
-    figure = new_figure(size[0], size[1] + head)
-    figure.text(0.15 / size[0], 1 - 0.25 / (size[1] + head), title, fontsize=11, weight="bold",
+    width = max(columns * cell_width, 5.0 * bool(title))
+    tall = math.ceil(len(shown) / columns) * cell_height
+    height = tall + 0.45 * bool(title)
+    figure = new_figure(width, height)
+    figure.text(0.15 / width, 1 - 0.25 / height, title, fontsize=11, weight="bold",
                 color=INK, va="center", parse_math=False)  # fmt: skip
     for number, one in enumerate(shown):
         row, column = divmod(number, columns)
         if one is not None:
-            corner = column * cell_width, size[1] - row * cell_height
+            corner = column * cell_width, tall - row * cell_height
             planes_row(figure, corner, inches, one, whole=whole)
     return figure
 
@@ -125,12 +115,7 @@ def row_size(grid: VoxelGrid, inches: float) -> tuple[float, float]:
 
 
 def planes_row(
-    figure: Figure,
-    corner: tuple[float, float],
-    inches: float,
-    shown: Slices,
-    *,
-    whole: bool = True,
+    figure: Figure, corner: tuple[float, float], inches: float, shown: Slices, whole: bool = True
 ) -> None:
     """Draw the three middle planes in a row, and their colour bar.
 
@@ -208,26 +193,24 @@ def map_scene(values: Volume, name: str, scale: ColourScale) -> Scene:
         level, upright = (axis for axis in range(3) if axis != across)
         if min(grid.shape[level], grid.shape[upright]) < 2:
             continue
-        n = grid.shape[across]
-        plane = np.take(values, [(n - 1) // 2, n // 2], axis=across).mean(axis=across)
+        plane = _middle(values, across)
         points = np.zeros((*plane.shape, 3))
         points[..., level], points[..., upright] = np.meshgrid(
             axes[level], axes[upright], indexing="ij"
         )
         points[..., across] = grid.center[across]
-        side = "xyz"[across]
-        meshes.append(
-            Mesh(
-                f"{name}, {side} = {grid.center[across] + 0.0:.4g}",
-                MAP + name,
-                points.reshape(-1, 3),
-                lattice_triangles(*plane.shape),
-                (0.5, 0.5, 0.5),
-                values=plane.ravel(),
-                scale=scale,
-            )
-        )
+        title = f"{name}, {'xyz'[across]} = {grid.center[across] + 0.0:.4g}"
+        meshes.append(lattice_mesh(title, MAP + name, points, plane, scale))
     return Scene(tuple(meshes), length_unit=values.length_unit)
+
+
+def lattice_mesh(
+    name: str, group: str, points: NDArray, values: NDArray, scale: ColourScale
+) -> Mesh:
+    """Return the mesh of numbers ``(rows, columns)`` at points, one each."""
+    triangles = lattice_triangles(*values.shape)
+    points = points.reshape(-1, 3)
+    return Mesh(name, group, points, triangles, (0.5,) * 3, values=values.ravel(), scale=scale)
 
 
 def lattice_triangles(rows: int, columns: int) -> NDArray[np.int64]:
