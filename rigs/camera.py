@@ -213,8 +213,7 @@ class Camera(OnImage):
     def scaled(self, scale: float) -> Camera:
         """Return the camera of the image resized by ``scale``, pixels as areas: 0.5 halves it.
 
-        Edges map to edges, ``u' = scale (u + 1/2) - 1/2``; fractions of pixels right and below
-        drop out.
+        ``u' = scale (u + 1/2) - 1/2``; fractions of pixels right and below drop out.
         """
         width, height = scaled_size(self.image_size, scale, f"camera {self.name}")
         shift = (scale - 1) / 2

@@ -124,9 +124,8 @@ def in_step(
     """Return the offsets in time of all cameras; their errors are infinite where undetermined.
 
     The moment of each camera's images is one more unknown, the first camera's held; the target's
-    way is found anew until the offsets settle. The observations come under the frames of their
-    numbers, ``arrays``, and, ``filed``, under those they show if cameras are late by ``whole``
-    ``(cameras,)``.
+    way is found anew until offsets settle. ``arrays`` are under the frames of their numbers,
+    ``filed`` under those they show if cameras are late by ``whole`` ``(cameras,)``.
     """
     cameras = len(scene.lenses)
     together = adjust_robustly(scene, _known(scene, arrays), freedom, tolerance=1e-3).scene

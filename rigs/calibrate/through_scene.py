@@ -103,8 +103,7 @@ def _through(
 ) -> Adjusted:
     """Return an adjustment from the start of another one, through the scene.
 
-    The world, if not a camera's, moves with the unknowns, the scene does not: both are repeated
-    until nothing moves.
+    A world that is no camera's moves with the unknowns: both are repeated until nothing moves.
     """
     is_start = refraction is None
     if refraction is None:

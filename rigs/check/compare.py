@@ -110,7 +110,9 @@ def compare_rigs(
     """
     names = tuple(name for name in first.names if name in second)
     if not names:
-        raise ValueError(f"cameras: found none common: {some(first.names)}; {some(second.names)}")
+        raise ValueError(
+            f"cameras: found none in common: {some(first.names)} and {some(second.names)}"
+        )
     second = in_unit(second, first.length_unit)
     one, other = ([rig[name] for name in names] for rig in (first, second))
     R, t = _motion(one, other) if align else (np.eye(3), np.zeros(3))

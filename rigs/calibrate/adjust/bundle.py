@@ -62,9 +62,9 @@ def adjust(
 ) -> Solution:
     """Return the scene of least squared residuals, by Levenberg and Marquardt's method.
 
-    Every observed frame needs a pose that puts its points before their cameras. The loss is linear
-    beyond the residual length ``huber`` ``(N,)`` (Huber). Iterations stop where the cost falls
-    relatively by less than ``tolerance``, as predicted or as reached.
+    The loss is linear beyond the residual length ``huber`` ``(N,)`` (Huber). Observed points have
+    to lie before their cameras. ``tolerance`` is of the cost's relative fall, predicted or
+    reached.
     """
     residuals, cost = _residuals(scene, observations, huber)
     if not np.isfinite(cost):
@@ -101,8 +101,7 @@ def information(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Return the normal equations ``(P, P)`` and gradient ``(P,)`` of cameras' free parameters.
 
-    At unit pixel noise, target poses eliminated at their optimum; the gradient is of half the
-    squares.
+    At unit pixel noise, target poses eliminated at their optimum; of half the squares.
     """
     normal = normal_equations(scene, observations, freedom, None)
     return reduced(normal, 0.0)[:2]

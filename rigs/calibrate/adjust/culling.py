@@ -38,8 +38,7 @@ def adjust_and_cull(
 ) -> Culled:
     """Return the least-squares adjustment of all observations but gross outliers.
 
-    After an adjustment with Huber's loss, outliers are decided anew until none changes. Without
-    ``cull`` every observation is kept that lies before its camera.
+    Outliers are decided anew until none changes; without ``cull`` only those behind are left out.
     """
     ahead = np.asarray(np.isfinite(predicted(scene, observations)).all(axis=1))
     used = supported(observations, ahead)

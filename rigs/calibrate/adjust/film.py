@@ -110,8 +110,7 @@ class Film:
     ) -> tuple[NDArray[np.int64], ObservationArrays]:
         """Return the observations under the frames whose moments they show, and their rows.
 
-        Each camera is late by ``delay`` ``(cameras,)`` pictures; rows of no frame's moment are
-        left out.
+        Each camera is late by ``delay`` ``(cameras,)`` pictures; rows of no moment are left out.
         """
         frame = observations.frame.copy()
         for camera in np.flatnonzero(delay):

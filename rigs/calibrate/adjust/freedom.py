@@ -18,9 +18,8 @@ FX, FY = NUMBERS.index("fx"), NUMBERS.index("fy")
 class Freedom:
     """Which unknowns are free, and which are shared; the target poses always are free.
 
-    A camera's numbers are its rotation (3), translation (3), fx, fy, cx, cy, the coefficients of
-    its distortion, the moment of its images, and last those of the scene's windows, which all
-    share.
+    A camera's numbers are `NUMBERS`, the coefficients of its distortion, the moment of its images,
+    and last those of the scene's windows, which all share.
 
     >>> import numpy as np
     >>> Freedom((np.arange(4) < 2,) * 2, np.array([False, True]), square=True, common=(0, 0)).size

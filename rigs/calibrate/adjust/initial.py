@@ -141,8 +141,7 @@ def camera_poses(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """Return both target poses in one camera's axes, refined, and their RMS residuals in pixels.
 
-    R ``(frames, 2, 3, 3)`` and t ``(frames, 2, 3)``, the better first, are NaN, RMS
-    ``(frames, 2)`` infinite, where there is none.
+    R ``(frames, 2, 3, 3)``, t ``(frames, 2, 3)``, the better first; NaN, RMS infinite, without.
     """
     R, t = np.full((2 * frames, 3, 3), np.nan), np.full((2 * frames, 3), np.nan)
     pinhole = lens.pinhole(observations.uv)

@@ -25,8 +25,7 @@ class ObservationArrays:
     """Observations in order of camera, then frame; lengths in any unit.
 
     Points are in the target's axes, and move with a velocity in those of the frame's pose where
-    images of one frame are of different moments. Routes: see
-    `rigs.calibrate.refraction.routes_to`.
+    images of one frame are of different moments. Routes are those of `routes_to`.
     """
 
     camera: NDArray[np.int64]  # (N,)

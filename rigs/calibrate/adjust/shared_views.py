@@ -153,8 +153,7 @@ def _relative_pose(
 ) -> tuple[NDArray, NDArray, float, float] | None:
     """Return R, t from the axes of camera a to those of b, the points that agree, and a residual.
 
-    The residual is the median in pixels over shared frames; ``partner`` gives b's frame for each
-    of a's, -1 without.
+    That is the median in pixels; ``partner`` gives b's frame for each of a's, -1 without.
     """
     partner = np.arange(len(one.rms)) if partner is None else partner
     both = (partner >= 0) & np.isfinite(one.rms[:, 0]) & np.isfinite(other.rms[partner, 0])

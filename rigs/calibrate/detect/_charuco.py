@@ -27,10 +27,9 @@ class _Markers(NamedTuple):
 
 
 def find_charuco(search: Search, target: CharucoBoard, both_layouts: bool = True) -> Found:
-    """Return the board's inner corners in an image or its negative.
+    """Return the board's inner corners in an image or its negative, in either layout if asked.
 
-    ``both_layouts`` tries those of boards with an even number of rows. ``legacy`` is None, and the
-    target's own is taken, where the markers in view fit both.
+    Where the markers in view fit both, the target's own is taken and ``legacy`` is None.
     """
     reason = ""
     layouts = [target.first_white]

@@ -15,20 +15,10 @@ _FARTHEST = 0.3  # grid steps RMS from a homography; a strong lens stays below
 
 @dataclass(frozen=True, eq=False)
 class Found:
-    """The target's points in one image.
+    """The target's points in one image: their indices and pixels, centres at integers.
 
-    Parameters
-    ----------
-    point : (points,) int64
-        Indices of the target's points.
-    uv : (points, 2) float64
-        Pixel coordinates (column, row), pixel centres at integers.
-    blur : float
-        Blur of the edges: standard deviation in pixels, the median over the points.
-    reason : str
-        Why nothing was found; empty if points were.
-    legacy : bool, optional
-        Which of two layouts the markers show; None where both fit.
+    ``blur`` is the standard deviation of edges in pixels, the median; ``reason`` why nothing was
+    found; ``legacy`` which of two layouts the markers show, None where both fit.
     """
 
     point: NDArray[np.int64]
@@ -105,8 +95,7 @@ def smooth_map(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Fit a homography and, given enough points, a polynomial for the lens; return ``uv`` by it.
 
-    The second value ``(points, 2, 2)`` are its second derivatives along the target's x and y,
-    pixels by step²: the curvature of straight edges; zero without a polynomial.
+    And its second derivatives along the target's x, y, pixels by step²: the curvature of edges.
     """
     homography = cv2.findHomography(positions, uv, 0)[0]
     if homography is None:

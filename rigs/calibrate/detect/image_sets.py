@@ -162,8 +162,8 @@ def image_set(
 def check_not_split(folder: Path, are_lenses_given: bool = False) -> None:
     """Raise where a folder holds, or is one of, two folders of images for lenses and for poses.
 
-    Images of a lens alone are of other times than another camera's: as one set they fail after
-    minutes. With lenses, or images of them, a folder of poses alone is right.
+    As one set they fail after minutes: equal names are no moment. With lenses poses alone are
+    right.
     """
     if not folder.is_dir():
         return

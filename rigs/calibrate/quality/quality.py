@@ -108,8 +108,7 @@ def measure(
 ) -> tuple[Quality, float, NDArray[np.float64]]:
     """Return the figures of an adjusted scene, the pixel noise and the covariance.
 
-    The rig has the scene's cameras; ray-miss is taken in the volume, by default where the target
-    was.
+    Ray-miss is taken in the volume, by default where the target was.
     """
     noise, covariance = covariance_of(rig, scene, observations.where(used), freedom)
     image_rms, alone_rms, contradiction, excess = image_figures(scene, observations, used, freedom)

@@ -26,8 +26,7 @@ def start_before_media(
     Light in the other medium is straight. An adjustment that ignores the medium's border thus
     finds the targets in it right, and cameras that are m times as far from the border, with m
     times the focal length, where m is the ratio of the indices: the virtual cameras of paraxial
-    optics. ``held`` is the camera whose axes are the world's, to whose true place the border was
-    given.
+    optics. The border was given relative to the true camera ``held``, if the world's axes are its.
     """
     points = world_points(scene, arrays)
     if held is not None:

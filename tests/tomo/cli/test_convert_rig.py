@@ -86,11 +86,11 @@ def test_other_commands_read_foreign_rigs(run_tool, tmp_path):
         (("rig.yaml", "x.foo"), "x.foo: its ending names no format, expected --to with one of"),
         (
             ("rig.yaml", "x", "--to", "kalibr"),
-            "format: found 'kalibr', expected one that can",
+            "format: found 'kalibr', expected one written",
         ),
         (
             ("rig.yaml", "x.yml", "--from", "rtk"),
-            "format: found 'rtk', expected one that can",
+            "format: found 'rtk', expected one read",
         ),
         (("rig.yaml", "x.yml", "--image-size", "9"), "--image-size: found '9', expected pixels"),
         (
