@@ -58,7 +58,7 @@ def test_from_afar_the_light_of_all_pixels_is_the_total_emission():
 
 
 @pytest.mark.parametrize(
-    ("shape", "up"), zip([(40, 1, 40), (1, 44, 36), (30, 140, 30)], UPS, strict=True)
+    ("shape", "up"), [*zip([(40, 1, 40), (1, 44, 36), (30, 140, 30)], UPS, strict=True)]
 )
 def test_colours_end_little_above_what_is_seen_of_flat_volumes_too(shape, up):
     grid = VoxelGrid(shape, 1.0)
