@@ -130,7 +130,9 @@ def cache_key(target: str, camera: str, frame: str, source: Source) -> str:
         try:
             state = path.stat()
         except OSError as error:
-            raise ValueError(f"camera {camera}: {path}: unreadable: {error.strerror}") from None
+            raise ValueError(
+                f"camera {camera}: {path}: cannot be read: {error.strerror}"
+            ) from None
         identity = f"{path.absolute()} {state.st_size} {state.st_mtime_ns}"
         if isinstance(source, VideoFrame):
             identity += f" {source.index}"
