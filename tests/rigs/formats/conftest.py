@@ -8,15 +8,7 @@ import pytest
 from rigs import Camera, Distortion, Rig, formats, look_at
 
 sys.path.append(str(Path(__file__).parent))  # the tests import `lens_formulas`
-
-LENSES = {
-    "none": (),
-    "brown": (-0.21, 0.08, 0.001, -0.002, 0.03),
-    "rational": (0.4, -0.3, 0.001, -0.0005, 0.02, 0.6, -0.1, 0.01),
-    "thin_prism": (0.1, -0.05, 0.001, 0.002, 0, 0.2, 0, 0, 0.002, -0.001, 0.001, 0.0005),
-    "tilted": (-0.1, 0.02, 0.001, 0.002, 0, 0, 0, 0, 0.001, 0, 0.001, 0, 0.02, -0.01),
-    "fisheye": (0.02, -0.01, 0.003, -0.001),
-}
+from lens_formulas import COEFFICIENTS
 
 
 @pytest.fixture(scope="session")
@@ -33,7 +25,7 @@ def make_rig():
                 [0, rng.uniform(800, 900), 238.4],
                 [0, 0, 1],
             ]
-            lens = Distortion(model, LENSES[model])
+            lens = Distortion(model, COEFFICIENTS[model])
             cameras.append(Camera(f"cam{index}", (640, 480), K, lens, R, t, status="calibrated"))
         return Rig(tuple(cameras), "unit")
 

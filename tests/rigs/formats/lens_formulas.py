@@ -8,6 +8,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
+#: Of a lens of each of our models, in OpenCV's order.
+COEFFICIENTS = {
+    "none": (),
+    "brown": (-0.21, 0.08, 0.001, -0.002, 0.03),
+    "rational": (0.4, -0.3, 0.001, -0.0005, 0.02, 0.6, -0.1, 0.01),
+    "thin_prism": (0.1, -0.05, 0.001, 0.002, 0, 0.2, 0, 0, 0.002, -0.001, 0.001, 0.0005),
+    "tilted": (-0.1, 0.02, 0.001, 0.002, 0, 0, 0, 0, 0.001, 0, 0.001, 0, 0.02, -0.01),
+    "fisheye": (0.02, -0.01, 0.003, -0.001),
+}
+
 
 @dataclass(frozen=True)
 class Truth:

@@ -64,21 +64,19 @@ def test_units_are_kept_and_spreadsheets_of_any_country_are_read(tmp_path):
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ((" look_y,", " look_q,"), r"^\S+a\.csv: look_y: missing among the columns, expected the"),
-        ((" 420,", " far,"), r"camera left: z: found ' far', expected a finite number"),
-        ((" 420, 0,", " 420,"), r"line 2: found 10 columns, expected 11"),
-        ((" 35,", " ,"), r"camera left: focal: missing, expected a number"),
-        ((" 35,", " -35,"), r"camera left: focal: found -35, expected a positive number"),
-        (("pitch_um", "pitch"), r"camera left: focal and pitch: found a unit of one alone"),
-        (("pitch_um", "gap_um"), r"camera left: pitch: missing, expected pitch_um"),
-        (("top", "left"), r"camera left: name: found twice"),
-        ((" x,", " x_mm,"), r"x ... look_z: found the units mm, none, expected one"),
-        ((" 1024,", " 0.5,"), r"camera left: width, height: found 0\.5"),
+        ((" look_y,", " look_q,"), "look_y: missing among the columns, expected the"),
+        ((" 420,", " far,"), "camera left: z: found ' far', expected a finite number"),
+        ((" 420, 0,", " 420,"), "line 2: found 10 columns, expected 11"),
+        ((" 35,", " ,"), "camera left: focal: missing, expected a number"),
+        ((" 35,", " -35,"), "camera left: focal: found -35, expected a positive number"),
+        (("pitch_um", "pitch"), "camera left: focal and pitch: found a unit of one alone"),
+        (("pitch_um", "gap_um"), "camera left: pitch: missing, expected pitch_um"),
+        (("top", "left"), "camera left: name: found twice"),
+        ((" x,", " x_mm,"), "x ... look_z: found the units mm, none, expected one"),
+        ((" 1024,", " 0.5,"), "camera left: width, height: found 0.5"),
     ],
 )  # fmt: skip
-def test_what_is_wrong_is_named(tmp_path, change, message):
+def test_what_is_wrong_is_named(refused_as, tmp_path, change, message):
     path = table(tmp_path / "a.csv")
     path.write_text(path.read_text().replace(*change))
-    with pytest.raises(ValueError, match=message) as caught:
-        formats.load(path, "camera_table")
-    assert "\n" not in str(caught.value)
+    refused_as(path, message, path, "camera_table")

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from lens_formulas import COEFFICIENTS
 
 from rigs import Accuracy, Camera, Distortion, Optics, RayTable, Rig, formats, look_at
 from rigs.formats import FORMATS
@@ -14,13 +15,6 @@ from rigs.rig import Volume
 PAGE = Path(__file__).parents[3] / "docs" / "reference" / "rig_formats.md"
 K = [[90.0, 0, 31.5], [0, 90.0, 23.5], [0, 0, 1]]
 POINTS = [[1.0, 2, 3], [-4, 1, -2], [2, -3, 5]]
-LENSES = {
-    "brown": (-0.2, 0.05, 1e-3, -2e-3, 0.01),
-    "rational": (0.4, -0.3, 0.001, -0.0005, 0.02, 0.6, -0.1, 0.01),
-    "thin_prism": (0.1, -0.05, 0.001, 0.002, 0, 0.2, 0, 0, 0.002, -0.001, 0.001, 0.0005),
-    "tilted": (-0.1, 0.02, 0.001, 0.002, 0, 0, 0, 0, 0.001, 0, 0.001, 0, 0.02, -0.01),
-    "fisheye": (0.02, -0.01, 0.003, -0.001),
-}
 
 
 def tables():
@@ -76,7 +70,8 @@ FEATURES = {
     "skew": (ring(camera_matrix=[[90.0, 0.5, 31.5], [0, 90.0, 23.5], [0, 0, 1]]), same_views),
     **{
         f"lens `{model}": (ring(distortion=Distortion(model, values)), same_views)
-        for model, values in LENSES.items()
+        for model, values in COEFFICIENTS.items()
+        if values
     },
     "ray tables": (
         replace(PLAIN, cameras=(RayTable.of(PLAIN[0]), *PLAIN[1:])),
