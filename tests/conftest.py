@@ -31,7 +31,7 @@ SECONDS = 2.0  # of processor time for a reader's refusal of one small file
 MEMORY = 260 << 20  # bytes that a refusal may take: twice what the size guard allows to any file
 
 # Examples differ from run to run only where a test asks for it: a failure is a failure of the code
-hypothesis.settings.register_profile("project", deadline=None, derandomize=True, max_examples=50)
+hypothesis.settings.register_profile("project", deadline=None, derandomize=True, max_examples=25)
 # For hours of a developer's machine: python -m pytest tests/fuzz --hypothesis-profile=long
 hypothesis.settings.register_profile("long", deadline=None, max_examples=5000)
 hypothesis.settings.load_profile("project")

@@ -1,6 +1,6 @@
 """Damaged files: every reader reads them or refuses them in one line, and does nothing else.
 
-50 files a reader by default, 5,000 with ``--hypothesis-profile=long``, see tests/conftest.py.
+25 files a reader by default, 5,000 with ``--hypothesis-profile=long``, see tests/conftest.py.
 """
 
 import contextlib

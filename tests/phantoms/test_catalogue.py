@@ -5,7 +5,7 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 import phantoms
@@ -94,7 +94,6 @@ def test_repr_makes_an_equal_value_that_can_be_a_key(name):
     y=st.floats(-50, 50),
     name=st.sampled_from(NAMES),
 )
-@settings(max_examples=30, deadline=None)
 def test_a_scaled_and_moved_box_holds_the_same_field(scale, x, y, name):
     unit = np.random.default_rng(1).random((200, 3)) - 0.5
     # Points off the faces of the homogeneous phantom's cells, where rounding may choose a side.

@@ -49,7 +49,7 @@ def test_means_of_flames_converge_at_second_order(name):
     refine=st.integers(1, 3),
     at_once=st.integers(1, 300),
 )
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=20)
 def test_blocks_do_not_change_the_means(shape, refine, at_once):
     grid = VoxelGrid(shape, (0.5, 0.75, 1.0), (0.1, 0.2, 0.3))
 
@@ -70,8 +70,8 @@ def test_blocks_do_not_change_the_means(shape, refine, at_once):
 
 
 def test_memory_stays_bounded():
-    """128 x 128 x 128 x 2³ points would take 400 MB as coordinates at once."""
-    grid = VoxelGrid((128, 128, 128), 0.1)
+    """64 x 128 x 64 x 2³ points would take 100 MB as coordinates at once."""
+    grid = VoxelGrid((64, 128, 64), 0.1)
     tracemalloc.start()
     try:
         sample(lambda points: np.ones(len(points)), grid, 2)

@@ -55,7 +55,7 @@ def image_changes(draw):
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("skew", [0.0, 25.0])
-@settings(max_examples=25)
+@settings(max_examples=8)
 @given(seed=st.integers(0, 2**32 - 1), change=image_changes())
 def test_points_are_projected_where_the_changed_image_shows_them(model, skew, seed, change):
     rng = np.random.default_rng(seed)
@@ -105,7 +105,7 @@ def test_rays_of_a_turned_image_are_turned_like_its_pixels(kind, model, degrees)
         np.testing.assert_allclose(after, before, rtol=0, atol=1e-12)
 
 
-@settings(max_examples=15)
+@settings(max_examples=6)
 @given(
     degrees=st.sampled_from([0, 90, 180, 270]),
     scale=st.sampled_from([0.5, 1.0, 2.0, 3.0]),

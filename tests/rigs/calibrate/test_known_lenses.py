@@ -1,5 +1,6 @@
 """Lenses known beforehand: square pixels, a fixed centre, one lens for several cameras."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -23,24 +24,34 @@ def alike(simulated_rig):
     return simulated, simulated.observe(0.2, 5)
 
 
-def test_square_pixels_stay_square(alike):
-    found = calibrate(alike[1], square_pixels=True)
+SQUARE, CENTERED = {"square_pixels": True}, {"fixed_center": True}
+COMMON = {"common_lens": (("cam00", "cam01", "cam02"),)}
+
+
+@pytest.fixture(scope="module")
+def calibrated(alike):
+    """Return a function: the calibration of `alike` with options, made once."""
+    return functools.cache(lambda **options: calibrate(alike[1], **options))
+
+
+def test_square_pixels_stay_square(calibrated):
+    found = calibrated(**SQUARE)
     for camera in found.rig:
         assert camera.camera_matrix[0, 0] == camera.camera_matrix[1, 1]
     assert ("cam00", "fx") in found.parameters
     assert ("cam00", "fy") not in found.parameters
 
 
-def test_a_fixed_centre_stays_in_the_middle(alike):
-    found = calibrate(alike[1], fixed_center=True)
+def test_a_fixed_centre_stays_in_the_middle(calibrated):
+    found = calibrated(**CENTERED)
     for camera in found.rig:
         middle = (np.array(camera.image_size) - 1) / 2
         np.testing.assert_array_equal(camera.camera_matrix[:2, 2], middle)
     assert not {name for _, name in found.parameters} & {"cx", "cy"}
 
 
-def test_a_common_lens_is_one(alike):
-    found = calibrate(alike[1], common_lens=[("cam00", "cam01", "cam02")])
+def test_a_common_lens_is_one(calibrated):
+    found = calibrated(**COMMON)
     for camera in found.rig:
         np.testing.assert_array_equal(camera.camera_matrix, found.rig[0].camera_matrix)
         assert camera.distortion == found.rig[0].distortion
@@ -101,12 +112,12 @@ def test_lenses_are_given_or_found(alike):
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        ({"square_pixels": True}, "its lens with square pixels does not fit"),
-        ({"fixed_center": True}, "its lens with a fixed centre does not fit"),
-        ({"common_lens": [("cam00", "cam01", "cam02")]}, "its lens with a common lens does not"),
+        (SQUARE, "its lens with square pixels does not fit"),
+        (CENTERED, "its lens with a fixed centre does not fit"),
+        (COMMON, "its lens with a common lens does not"),
     ],
 )
-def test_what_is_not_so_is_said(simulated_rig, alike, options, words):
+def test_what_is_not_so_is_said(simulated_rig, calibrated, options, words):
     simulated = simulated_rig(cameras=3, frames=10, seed=3)
     K = simulated.rig[0].camera_matrix * [[1, 1, 1], [1, 1.02, 1], [1, 1, 1]]
     K[:2, 2] += 80
@@ -114,4 +125,4 @@ def test_what_is_not_so_is_said(simulated_rig, alike, options, words):
     cameras = (other, *simulated.rig.cameras[1:])
     simulated = replace(simulated, rig=replace(simulated.rig, cameras=cameras))
     assert words in calibrate(simulated.observe(0.1, 5), **options).assessment
-    assert "does not fit" not in calibrate(alike[1], **options).assessment
+    assert "does not fit" not in calibrated(**options).assessment

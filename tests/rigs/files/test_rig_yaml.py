@@ -23,9 +23,7 @@ from rigs import (
 )
 
 COUNTS = {"none": 0, "brown": 5, "rational": 8, "thin_prism": 12, "tilted": 14, "fisheye": 4}
-EVERYWHERE = settings(
-    deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=150
-)
+EVERYWHERE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 
 
 def random_rig(seed):
@@ -46,7 +44,7 @@ def random_rig(seed):
 
 
 @given(seed=st.integers(0, 2**32 - 1))
-@settings(EVERYWHERE, max_examples=20)
+@settings(EVERYWHERE)
 def test_a_rig_comes_back_bit_by_bit(seed, tmp_path):
     rig = random_rig(seed)
     save_rig(rig, tmp_path / "rig.yaml")

@@ -93,7 +93,7 @@ NAME = st.text("abcXYZ019_-. (é", min_size=1, max_size=6).filter(
     cameras=st.lists(NAME, min_size=2, max_size=4, unique_by=str.casefold),
     layout=st.sampled_from(["{c}/{f}.tif", "x/{c}/a{f}.tif", "{f}/{c}.tif"]),
 )
-@settings(max_examples=60, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(suppress_health_check=list(HealthCheck))
 def test_cameras_of_any_name_are_found_in_folders_and_files(cameras, layout):
     found = patterns_of(paths(layout, FRAMES, cameras), cameras)
     whole = [own for own in found.values() if set(own) == set(cameras)]

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pytest
 import trimesh
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rigs.scene import Cylinder, Glass, Mesh, Mirror, Opaque, Reflecting, Scene, Sphere, Window
@@ -175,7 +175,6 @@ def test_snells_law_and_the_optical_path_hold_at_every_face():
     assert np.abs(np.linalg.norm(paths.directions, axis=1) - 1).max() < 1e-14
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     first=st.floats(1, 2), second=st.floats(1, 2), angle=st.floats(0, 1.5), turn=st.floats(0, 6.28)
 )
