@@ -130,7 +130,9 @@ def test_no_sentence_begins_with_of_or_what(page):
     assert not re.findall(r"(?:^\n?|[.!:] |\n\n|^[-*] )(Of|What) [^?]*?[.;]", text, re.MULTILINE)
 
 
-def test_the_python_example_of_the_readme_runs_and_reconstructs_well(tmp_path, monkeypatch):
+def test_the_python_example_of_the_readme_runs_and_reconstructs_well(
+    tmp_path, monkeypatch, quick_choice
+):
     monkeypatch.chdir(tmp_path)
     (example,) = blocks("README.md", "python")
     assert len([line for line in example.splitlines() if line and "import" not in line]) <= 15
