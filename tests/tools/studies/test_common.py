@@ -7,6 +7,7 @@ import sys
 import types
 
 import pytest
+from studies import benchmark, stress
 from studies.common import page, timing
 from studies.common.study import Study, command
 from typer.testing import CliRunner
@@ -162,6 +163,13 @@ def test_a_watch_stands_still_while_it_is_paused():
 def test_a_process_that_fails_says_why():
     with pytest.raises(RuntimeError, match=r"studies\.nothing x: .*No module named"):
         timing.in_fresh_process("studies.nothing", "x")
+
+
+@pytest.mark.parametrize("study", [benchmark.STUDY, stress.STUDY], ids=lambda study: study.name)
+def test_every_part_has_a_module_with_what_the_page_needs(study):
+    for part in study.parts:
+        assert callable(study.module(part).run)
+        assert len(study.about(part)) > 40
 
 
 @pytest.mark.parametrize("tool", ["benchmark", "stress", "paper"])

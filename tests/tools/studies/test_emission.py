@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from studies.common import results
 from studies.emission import archive, learned, methods, scenes, study
 from studies.emission.course import PATIENCE, Course, best_of, falling
 
@@ -116,7 +115,6 @@ def test_the_command_goes_on_with_rows_that_are_missing(tmp_path, monkeypatch, q
 
     monkeypatch.setattr(study, "at_work", in_this_process)
     monkeypatch.setattr(study, "warm_up", lambda: None)
-    monkeypatch.setattr(results, "origin", lambda: {"commit": "1234567", "default": {}})
 
     def run(*methods):
         study.run(tmp_path, method=methods, tiny=True)

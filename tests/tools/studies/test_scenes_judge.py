@@ -3,7 +3,7 @@
 import dataclasses
 import json
 import time
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor
 from types import SimpleNamespace
 
 import numpy as np
@@ -150,7 +150,7 @@ def test_a_comparison_is_a_command(run_tool, tmp_path):
 
 
 @pytest.fixture
-def ran(monkeypatch):
+def ran(monkeypatch, in_this_process):
     """Return what was run; scenes come to their seeds, and one fails."""
     done = []
 
@@ -160,26 +160,7 @@ def ran(monkeypatch):
             raise KeyboardInterrupt
         return row(recipe, 0.1 * recipe.seed, 0.2) | {"report": {"findings": [{"effect": "gain"}]}}
 
-    class InTurn:
-        def __init__(self, processes):
-            pass
-
-        def __enter__(self):
-            return self
-
-        def __exit__(self, *error):
-            return None
-
-        def submit(self, function, *arguments):
-            done = Future()
-            try:
-                done.set_result(function(*arguments))
-            except KeyboardInterrupt as error:
-                done.set_exception(error)
-            return done
-
     monkeypatch.setattr(judge, "judged", judged)
-    monkeypatch.setattr(processes, "_pool", InTurn)
     return done
 
 

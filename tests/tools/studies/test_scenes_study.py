@@ -1,13 +1,12 @@
 """The runs of known scenes: what is kept, what counts as named, and what is refused."""
 
 import json
-from concurrent.futures import Future
 from dataclasses import replace
 from importlib import import_module
 
 import numpy as np
 import pytest
-from studies.scenes import cameras, design, learned, oracle, parts, patches, processes, trial
+from studies.scenes import cameras, design, learned, oracle, parts, patches, trial
 from studies.scenes.faults import FAULTS
 from studies.scenes.recipe import HALVES, Recipe
 from studies.scenes.scene import KnownScene
@@ -20,26 +19,8 @@ from tomo import LinearSystem, VoxelGrid
 RECIPE = Recipe("settle", "tilted cone", "ring-5", "clean", 0)
 
 
-class InTurn:
-    """A pool of processes that works in this one."""
-
-    def __init__(self, processes):
-        pass
-
-    def __enter__(self):
-        return self
-
-    def __exit__(self, *error):
-        return None
-
-    def submit(self, function, *arguments):
-        done = Future()
-        done.set_result(function(*arguments))
-        return done
-
-
 @pytest.fixture
-def rows(monkeypatch):
+def rows(monkeypatch, in_this_process):
     """Return what was run, and let scenes come to what their numbers of views say."""
     ran = []
 
@@ -53,7 +34,6 @@ def rows(monkeypatch):
         }  # fmt: skip
 
     monkeypatch.setattr(trial, "row_of", row_of)
-    monkeypatch.setattr(processes, "_pool", InTurn)
     return ran
 
 

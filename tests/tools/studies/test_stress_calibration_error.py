@@ -52,14 +52,14 @@ def test_the_truth_moved_farther_is_more_wrong(flame):
 
 
 def test_the_report_says_so_from_half_a_pixel_on(flame):
-    row = calibration._warned_from(flame, "focal length", "clean", (0.5, 1.0))
+    row = calibration._warned_from(flame, "focal length", "clean", (0.5,))
     assert row.holds
     assert row.figure == 0.5
     assert calibration.warnings_of(flame, "pose", 0.0) == []
 
 
-def test_rows_of_growth_hold(flame):
+def test_rows_of_growth_hold(flame, monkeypatch):
+    monkeypatch.setattr(calibration, "JUDGED", (1.0,))
     least = {"sirt": calibration._error(flame, "pose", 0.0, "sirt")}
-    rows = list(calibration._growth(flame, "pose", least, (1.0, 3.0)))
-    assert [row.stress for row in rows if not row.holds] == []
-    assert len(rows) == 2
+    (row,) = calibration._growth(flame, "pose", least, (1.0,))
+    assert row.holds

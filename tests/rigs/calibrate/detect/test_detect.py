@@ -1,5 +1,6 @@
 """Detection in rendered photographs, whose truth is known to any digit."""
 
+import functools
 from dataclasses import replace
 
 import cv2
@@ -37,13 +38,12 @@ def directions():
     return (rays[:, :2] / rays[:, 2:]).reshape(height * SAMPLES, width * SAMPLES, 2)
 
 
-@pytest.fixture
+@pytest.fixture(scope="module")
 def photograph(directions):
     """Return a function that renders a target in a pose: image and where its points truly are."""
 
-    def take(
-        target, roll=10.0, tilt=(20.0, -25.0), fill=0.7, shift=(0, 0), blur=0.6, noise=0, seed=0
-    ):
+    @functools.cache  # rendering takes most of the time
+    def clean(target, roll, tilt, fill, shift, blur):
         low, high = target.points[:, :2].min(axis=0), target.points[:, :2].max(axis=0)
         distance = max((high - low) / np.array([320, 240])) * 400 / fill
         R = Rotation.from_euler("zxy", [roll, *tilt], degrees=True).as_matrix()
@@ -56,8 +56,12 @@ def photograph(directions):
         image = np.where(inside, 40 + 160 * target.brightness(x, y), 110)
         image = cv2.GaussianBlur(image, (0, 0), blur * SAMPLES)
         image = image.reshape(240, SAMPLES, 320, SAMPLES).mean(axis=(1, 3))
-        image += noise * np.random.default_rng(seed).standard_normal(image.shape)
         uv, _, _ = CAMERA.project(target.points @ R.T + t)
+        return image, uv
+
+    def take(target, roll=10.0, tilt=(20.0, -25.0), fill=0.7, shift=(0, 0), blur=0.6, noise=0):
+        image, uv = clean(target, roll, tilt, fill, shift, blur)
+        image = image + noise * np.random.default_rng(0).standard_normal(image.shape)
         return np.clip(np.round(image), 0, 255).astype(np.uint8), uv
 
     return take
