@@ -136,13 +136,6 @@ class Adaptation:
         """Return the state without an effect."""
         return self._only({**state.free, name: np.zeros_like(state.free[name])}, state)
 
-    def without_view(self, state: State, view: int) -> State:
-        """Return the state without the image of a view, and without what was found of it."""
-        others = np.arange(len(state.hidden)) != view
-        fits = tuple(fit.of_views(others) for fit in state.fits)
-        less = replace(state, fits=fits, hidden=state.hidden | ~others)
-        return self._only({n: f & others[:, None] for n, f in state.free.items()}, less)
-
     def _only(self, free: Mapping[str, NDArray[np.bool_]], state: State) -> State:
         """Return the state with only these effects loose, found anew."""
         values = {name: np.where(free[name], one, 0.0) for name, one in state.values.items()}

@@ -16,10 +16,15 @@ from rigs.progress import Progress
 from tomo.grid import ActiveVoxels
 from tomo.inference.adaptation import Adaptation
 from tomo.inference.fit import Fit
-from tomo.inference.left_out import LeftOut, predict_left_out, without_left_out
-from tomo.inference.scores import Scores
+from tomo.inference.left_out import (
+    LeftOut,
+    contradicts,
+    predict_left_out,
+    without_left_out,
+)
+from tomo.inference.scores import FALSE_ALARMS, Scores
 from tomo.inference.solve import first_fits
-from tomo.inference.state import State, corrected
+from tomo.inference.state import HIDDEN, State, corrected
 from tomo.model import Gain
 from tomo.model.effect import Effect
 from tomo.model.observation import Observation
@@ -58,6 +63,13 @@ class Inference:
     def spread(self) -> dict[str, NDArray[np.float64]]:
         """What exact cameras make of each effect that was tested, ``(parameters,)``."""
         return self.tested.spread
+
+    def with_wrong_view(self, view: int, score: float) -> Inference:
+        """Return this inference, made without a view that contradicts the others by a score."""
+        hidden = self.state.hidden.copy()
+        hidden[view] = True
+        self.tested.highest[HIDDEN][view] = score
+        return replace(self, state=replace(self.state, hidden=hidden))
 
 
 def infer(
@@ -116,14 +128,13 @@ def infer(
     given, state = state, _searched(state, scores, adaptation, progress)
     if state is not given:
         state = adaptation.pruned(state, kept)
-    doubted = _doubted(state, given)
+    wrong = _wrong_view(state, given, scores)
+    if wrong is not None:
+        rest = [one.without(wrong) for one in frames]
+        found = infer(rest, effects, active, asked, look_outside, None, refine, progress)
+        return found.with_wrong_view(wrong, scores.highest[HIDDEN][wrong])
     if state is not given and not predict_left_out(given, state).is_clearly_better:
         state = given
-    for view in doubted[: views - FEWEST_VIEWS]:
-        less = adaptation.without_view(state, view)
-        if not predict_left_out(state, less).is_worth(1 / views):
-            break
-        state = less
     for effect in effects:
         if effect.shared and (state.free[effect.name] & ~given.free[effect.name]).any():
             less = adaptation.without_effect(state, effect.name)
@@ -157,14 +168,20 @@ def _searched(
     return state
 
 
-def _doubted(state: State, given: State) -> list[int]:
-    """Return the views of which something was found that most do not have, the worst first."""
-    found = state.hidden.astype(int)
+def _wrong_view(state: State, given: State, scores: Scores) -> int | None:
+    """Return a view that contradicts the others even where it hides nothing, the worst, if any."""
+    doubt = state.hidden.astype(int)
     for name, free in state.free.items():
         own = (free & ~given.free[name]).any(axis=1)
-        if own.mean() <= 0.5:
-            found += own
-    return [int(view) for view in np.argsort(-found, kind="stable") if found[view]]
+        if own.mean() <= 0.5:  # what most views have is no doubt about one
+            doubt += own
+    taking_part = np.array([state.takes_part(view) for view in range(len(doubt))])
+    others, doubt = taking_part & (doubt == 0), doubt * taking_part
+    if taking_part.sum() > FEWEST_VIEWS:
+        for view in np.argsort(-doubt, kind="stable")[: np.count_nonzero(doubt)]:
+            if contradicts(state.fits, scores.exact, view, others, FALSE_ALARMS / len(doubt)):
+                return int(view)
+    return None
 
 
 def light_error(found: Inference) -> float:

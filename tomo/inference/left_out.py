@@ -9,9 +9,11 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import stdtrit
 
 from tomo.inference.fit import Fit
-from tomo.inference.solve import next_fit
+from tomo.inference.solve import fitted_from_even
+from tomo.inference.steps import DETAIL
 from tomo.measurement.noise_model import SIDE
 from tomo.selection.folds import blocks_to_leave_out
 
@@ -22,6 +24,13 @@ that voxels made of turbulence are kept; more, real ones of cameras that all err
 WORSE = 2.0
 """The same, by which an effect that is let loose predicts worse: it is not taken. Less, hidden
 pixels are not found, which gains make good; more, gains are taken that stand for hidden pixels."""
+
+ONE_SIDED = 0.15
+"""Smaller of the squares of what is too bright and too dark in a view, over both, below which
+something shines into it or hides a part. Other flames have 0.3, a ghost or a frame below 0.1."""
+
+COMPARED = 8
+"""Views that a doubtful one is compared with. Fewer, their spread is not known; more take time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,13 +73,6 @@ class LeftOut:
         """Whether it predicts worse by more than `WORSE`."""
         return self.score < -WORSE
 
-    def is_worth(self, data: float) -> bool:
-        """Return whether it is clearly better than a fraction ``data`` of the data less makes it.
-
-        Fewer data are easier to reproduce, and tell less of the volume.
-        """
-        return replace(self, before=(1 - data) * self.before).is_clearly_better
-
 
 class Predicting(Protocol):
     """Fits of some frames, and how they predict the pixels that are left out of them."""
@@ -85,10 +87,17 @@ class Predicting(Protocol):
 
 
 def predict_left_out(given: Predicting, corrected: Predicting) -> LeftOut:
-    """Return how states of the same frames predict left-out pixels; those count that both use."""
-    squares = _squares(given.fits)
+    """Return how states of the same frames predict left-out pixels.
+
+    Those of views count of which both use the same pixels: where one does without the worst
+    pixels of a view, their neighbours, no better, are predicted worse.
+    """
+    squares, one = _squares(given.fits), given.fits[0]
     out = blocks_to_leave_out(squares)
-    both = out & np.all([one.usable for one in (*given.fits, *corrected.fits)], axis=0)
+    used = [np.all([fit.usable for fit in state.fits], axis=0) for state in (given, corrected)]
+    counts = np.diff(one.system.projector.view_ptr)
+    same = np.repeat(one.view_sums((used[0] != used[1]).astype(np.float64)) == 0, counts)
+    both = out & used[0] & same
     block = np.unique(squares[both], return_inverse=True)[1]
     before, after = (one.left_out_errors[both] for one in (given, corrected))
     before, after = (np.bincount(block, own).astype(np.float64) for own in (before, after))
@@ -115,8 +124,66 @@ def squared_errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
     Usable pixels count alike, as in the solve that the effects are found for.
     """
     errors, energy = np.zeros(len(fits[0].measured)), 0.0
-    solved = [replace(fit, trust=fit.usable.astype(np.float64)) for fit in fits]
-    for fit in without_left_out(solved):
-        errors += np.square(next_fit(fit).residual)
+    for fit in without_left_out(fits):
+        errors += np.square(fitted_from_even(fit).residual)
         energy += float(np.mean(np.square(fit.measured)))
     return errors / (energy or 1.0)
+
+
+def contradicts(
+    fits: Sequence[Fit],
+    exact: Sequence[Fit],
+    view: int,
+    others: NDArray[np.bool_],
+    chance: float,
+) -> bool:
+    """Return whether a view shows another flame than the others, but for a ``chance``.
+
+    It is predicted worse than others are, and is both too bright and too dark: what shines into
+    a view only adds light to it, and what hides a part only takes some.
+
+    Parameters
+    ----------
+    exact : sequence of Fit
+        A scene like this one as exact cameras see it: what these miss, no other view shows.
+    others : (views,) bool
+        Those to compare with, of which up to `COMPARED` are. Each is predicted without the view,
+        and without itself.
+
+    Notes
+    -----
+    The error of one more view exceeds the median of ``n`` by ``t s (1 + 1/n)^½`` by that chance,
+    with ``s`` their standard deviation, found from the median deviation, and ``t`` the quantile
+    of Student's distribution.
+    """
+    some = np.flatnonzero(others)
+    some = some[np.linspace(0, len(some) - 1, min(COMPARED, len(some))).round().astype(int)]
+    too_bright, too_dark = _squares_of_prediction(fits, view, [view])
+    error = too_bright + too_dark
+    if len(some) < 2 or min(too_bright, too_dark) < ONE_SIDED * error:
+        return False
+    usual = np.array([sum(_squares_of_prediction(fits, one, [view, one])) for one in some])
+    middle = np.median(usual)
+    spread = 1.4826 * np.median(np.abs(usual - middle)) * math.sqrt(1 + 1 / len(some))
+    least = middle - stdtrit(len(some) - 1, chance) * spread
+    missed = (1 + DETAIL) ** 2 * sum(_squares_of_prediction(exact, view, [view]))
+    return bool(error - missed > least)
+
+
+def _squares_of_prediction(
+    fits: Sequence[Fit], view: int, without: list[int]
+) -> tuple[float, float]:
+    """Return the squares of what is too bright and too dark in a view, over its own square.
+
+    Its prediction is of a volume without some views.
+    """
+    own = slice(*fits[0].system.projector.view_ptr[view : view + 2])
+    kept = np.ones(len(fits[0].observation.rig), bool)
+    kept[without] = False
+    bright = dark = energy = 0.0
+    for fit in fits:
+        left = fitted_from_even(fit.of_views(kept)).residual[own]
+        bright += float(np.square(np.maximum(left, 0)).sum())
+        dark += float(np.square(np.maximum(-left, 0)).sum())
+        energy += float(np.square(fit.measured[own]).sum())
+    return bright / max(energy, 1e-300), dark / max(energy, 1e-300)

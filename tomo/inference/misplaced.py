@@ -101,7 +101,7 @@ def find_misplaced(
 
 def _of_view(observation: Observation, view: int, active: ActiveVoxels | None) -> Misplaced | None:
     """Return what the image of one view is, if not its own."""
-    seen = _predicted(observation, view, _without(observation, (view,), active))
+    seen = _predicted(observation, view, first_fit(observation.without(view), active).means)
     mask, own = observation.masks[view], observation.images[view]
     least, found = BETTER * _error(own, seen, mask), None
     for words, turn in TURNS.items():
@@ -118,21 +118,10 @@ def _of_view(observation: Observation, view: int, active: ActiveVoxels | None) -
 
 def _suits(observation: Observation, view: int, other: int, active: ActiveVoxels | None) -> bool:
     """Return whether a view's image is more like what another view should show than its own is."""
-    volume = _without(observation, (view, other), active)
+    volume = first_fit(observation.without(view, other), active).means
     seen, mask = _predicted(observation, other, volume), observation.masks[other]
     own, foreign = observation.images[other], observation.images[view]
     return _error(foreign, seen, mask & observation.masks[view]) < _error(own, seen, mask)
-
-
-def _without(
-    observation: Observation, views: tuple[int, ...], active: ActiveVoxels | None
-) -> NDArray[np.float32]:
-    """Return a quick volume from all views but some."""
-    masks = tuple(
-        np.zeros_like(mask) if view in views else mask
-        for view, mask in enumerate(observation.masks)
-    )
-    return first_fit(replace(observation, masks=masks), active).means
 
 
 def _predicted(

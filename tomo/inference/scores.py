@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit  # scipy.stats has both, and takes 0.3 s to load
 
 from tomo.grid import ActiveVoxels
+from tomo.inference.fit import Fit
 from tomo.inference.state import HIDDEN, OUTSIDE, State
 from tomo.inference.steps import DETAIL, DRAWN, Null, Steps
 from tomo.model.effect import Effect
@@ -71,6 +72,11 @@ class Scores:
             self._null = Null(steps, self.active)
         return self._null
 
+    @property
+    def exact(self) -> tuple[Fit, ...]:
+        """Fits of a scene like the one found as exact cameras see it; none before it is drawn."""
+        return self._null.fits if self._null else ()
+
     def spread_of(self, name: str, steps: Steps, draw: bool) -> NDArray[np.float64]:
         """Return what exact cameras make of an effect of single views, ``(parameters,)``.
 
@@ -115,7 +121,9 @@ class Scores:
         found[HIDDEN] = np.where(state.hidden, 0, self._hidden(steps))
         if (found[HIDDEN] >= 1).mean() > 0.5:  # what most views show is no hardware before one
             found[HIDDEN][:] = 0
+        taking_part = [state.takes_part(view) for view in range(views)]
         for name, ratio in found.items():
+            ratio *= taking_part
             self.highest[name] = np.maximum(self.highest.get(name, 0), ratio)
         return found
 

@@ -35,6 +35,9 @@ PROBES = 4
 """Draws of noise that tell how far it pushes a field. Fewer, the limit is known to some per cent;
 more take longer."""
 
+SOLVES = 2
+"""Solves from an even volume. After one its prior, relative to the volume, is still even."""
+
 FIRST, THEN = 8, 16
 """Iterations of MLEM at the start, and of conjugate gradients of every solve."""
 
@@ -79,6 +82,18 @@ def _first_fit(
 def next_fit(found: Fit) -> Fit:
     """Return the fit after a solve of the voxels alone."""
     return next_fits([found])[0][0]
+
+
+def fitted_from_even(fit: Fit) -> Fit:
+    """Return the fit of voxels alone to all usable pixels, from an even volume.
+
+    A volume that was found from pixels that are not used now remembers them.
+    """
+    even = np.full_like(fit.unknowns, fit.unknowns.mean())
+    fit = replace(fit, unknowns=even, trust=fit.usable.astype(np.float64))
+    for _ in range(SOLVES):
+        fit = next_fit(fit)
+    return fit
 
 
 def next_fits(

@@ -153,6 +153,11 @@ class Null:
         misfit = float(np.mean([one.misfit for one in self._drawn]))
         self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300)) ** 0.5
 
+    @property
+    def fits(self) -> tuple[Fit, ...]:
+        """Those of the scene that is not turned over."""
+        return self._drawn[0].fits
+
     def spread(self, name: str) -> NDArray[np.float64]:
         """Return the spread of what each view has for itself, ``(parameters,)``.
 

@@ -95,6 +95,13 @@ class Observation:
             blur=self.blur and tuple(self.blur[n] for n in order),
         )
 
+    def without(self, *views: int) -> Observation:
+        """Return the observation of which no pixel of some views is used."""
+        masks = (
+            np.zeros_like(mask) if view in views else mask for view, mask in enumerate(self.masks)
+        )
+        return replace(self, masks=tuple(masks))
+
     @property
     def in_sight(self) -> Observation:
         """The observation of the pixels alone whose rays meet the grid."""

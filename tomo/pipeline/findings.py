@@ -93,7 +93,7 @@ def _left_out(found: Inference, corrections: Corrections) -> Iterator[Finding]:
             change, score = _without_pixels(found.state.fits, int(view)), found.scores["hidden"]
             what = "scatter" if change > 0 else "hidden"
             if not found.state.takes_part(int(view)):
-                what, fraction = "disagreement", 1.0
+                what = "disagreement"
             yield Finding(
                 what, name, fraction, None, "%", float(score[view]), consequence=abs(change)
             )

@@ -203,10 +203,11 @@ def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corr
     """Return what was found on the copy for images as they are."""
     names, fit, untrusted = copy.frames[0].rig.names, found.state.fits[0], {}
     lost = fit.system.images((~fit.usable).astype(np.float32))
-    for name, image, hidden in zip(names, lost, found.state.hidden, strict=True):
-        if hidden:
-            shape = whole.masks[whole.rig.names.index(name)].shape
-            untrusted[name] = copy.enlarged(image > 0, shape)
+    for view in np.flatnonzero(found.state.hidden):
+        shape = whole.masks[whole.rig.names.index(names[view])].shape
+        untrusted[names[view]] = np.ones(shape, bool)
+        if found.state.takes_part(int(view)):
+            untrusted[names[view]] = copy.enlarged(lost[view] > 0, shape)
     seen = replace(fit.observation.in_powers_of_two(-copy.power), grid=whole.grid)
     for effect in found.effects:
         if effect.field_of is not None and found.state.values[effect.name].any():
