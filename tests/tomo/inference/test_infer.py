@@ -8,7 +8,7 @@ import pytest
 
 from phantoms import GaussianBlobs
 from tomo.inference.infer import infer
-from tomo.inference.left_out import LeftOut
+from tomo.inference.left_out import LeftOut, squared_errors
 from tomo.inference.solve import first_fit, first_fits, next_fit
 from tomo.inference.steps import Steps
 from tomo.model import Absorbing, Background, Blur, FallOff, Gain, Pose
@@ -189,6 +189,22 @@ def test_the_image_of_another_moment_is_left_out(film):
     (fit,) = found.state.fits
     right = next_fit(first_fit(film[0])).means
     assert np.linalg.norm(fit.means - right) < 0.25 * np.linalg.norm(right)
+
+
+def test_a_view_of_what_no_other_shows_is_corrected_and_stays(film):
+    """The last camera's image is predicted worst by the others, whatever it shows."""
+    images = list(film[0].images)
+    images[5] = 0.8 * images[5]
+    found = infer([replace(film[0], images=tuple(images))], OWN)
+    assert named(found) == {"gain": [5]}
+    assert found.state.takes_part(5)
+
+
+def test_left_out_pixels_are_not_remembered(film):
+    """Their prediction is the same, whatever volume the fit had found with them."""
+    (fit,) = first_fits(film[:1])
+    other = replace(fit, unknowns=fit.unknowns[::-1])
+    np.testing.assert_allclose(squared_errors([other]), squared_errors([fit]))
 
 
 def test_a_camera_that_is_corrected_takes_part(found):
