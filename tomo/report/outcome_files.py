@@ -135,15 +135,15 @@ def write_volumes(folder: str | os.PathLike, outcome: Reconstruction) -> None:
         _write_volumes(staging, VOLUME_FILES, outcome.volume)
 
 
-def write_with_units(path: Path, volume: Volume) -> None:
-    """Write a volume with its own grid and units; voxels may be NaN."""
+def write_with_units(path: Path, volume: Volume, allow_nan: bool = True) -> None:
+    """Write a volume with its own grid and units; voxels that no camera sees may be NaN."""
     units = {"length_unit": volume.length_unit, "value_unit": volume.value_unit}
-    write_volume(path, volume, volume.grid, **units, allow_nan=True)
+    write_volume(path, volume, volume.grid, **units, allow_nan=allow_nan)
 
 
 def _write_volumes(folder: Path, names: Sequence[str], volume: Volume) -> None:
     for name in names:
-        write_with_units(folder / name, volume)
+        write_with_units(folder / name, volume, allow_nan=names == VOLUME_FILES)
 
 
 def _write_pages(folder: Path, outcome: Reconstruction) -> dict[str, Any]:
