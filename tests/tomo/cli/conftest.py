@@ -13,16 +13,25 @@ from tomo.simulation import simulate_images
 GRID = VoxelGrid((6, 10, 6), 1.0)
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture(scope="session")
 def original(tmp_path_factory):
+    """Return the folder of the scan that no test may change."""
     folder = tmp_path_factory.mktemp("original") / "scan"
     rig = ring(3, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
     simulate_images(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
     return folder
 
 
+@pytest.fixture(scope="session")
+def quick():
+    """Return the options of a run that looks for nothing and draws nothing."""
+    words = "--method sirt --iterations 2 --uncertainty 0 --no-pictures --no-screen --no-fit-gain"
+    return (*words.split(), "--no-fit-absorption", "--refine-cameras", "none")
+
+
 @pytest.fixture
 def scan(original, tmp_path):
+    """Return a copy of the scan that the test may change."""
     shutil.copytree(original, tmp_path / "scan")
     return tmp_path / "scan"
 

@@ -281,10 +281,7 @@ def test_what_else_is_given_must_agree(refuses, taken, few, tmp_path, monkeypatc
     ("target", "words"),
     [
         (TARGET, ("camera cam01", "pose_002.png", "320x254")),
-        (
-            "charuco:5x7:24:18:DICT_4X4_50",
-            ("cam00", "board of 7x5 squares, not 5x7", ".png"),
-        ),
+        ("charuco:5x7:24:18:DICT_4X4_50", ("cam00", "board of 7x5 squares, not 5x7", ".png")),
         ("cuboid:3", ("target: found 'cuboid:3', expected one of",)),
     ],
 )

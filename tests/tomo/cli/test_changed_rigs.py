@@ -17,7 +17,8 @@ pytestmark = pytest.mark.usefixtures("quick_choices")
 GRID = ("--grid", "10x12x10", "--spacing", "2")
 LENS = Distortion("brown", (-0.3, 0.1, 0.01, -0.02, 0.0))
 METHOD = ("--method", "sirt", "--iterations", "15", "--no-pictures", "--no-skip")
-METHOD += ("--uncertainty", "0", "--no-screen")
+METHOD += ("--uncertainty", "0", "--no-screen", "--no-fit-gain", "--no-fit-absorption")
+METHOD += ("--refine-cameras", "none")
 
 
 @pytest.fixture(scope="module")

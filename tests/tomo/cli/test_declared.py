@@ -10,13 +10,9 @@ from typing import Annotated
 import pytest
 from typer.testing import CliRunner
 
-from phantoms import create
-from rigs import ring
-from tomo import VoxelGrid
 from tomo.cli.declared import command_line
 from tomo.pipeline import Options
 from tomo.pipeline.declared import number, option, switch, whole
-from tomo.simulation import simulate_images
 
 OWN = {"out", "rig", "images", "grid", "spacing", "center", "lower", "upper", "scale"}
 OWN |= {"pattern", "bayer", "channel", "workers", "scheduler", "preview", "pictures", "json"}
@@ -29,20 +25,15 @@ def names_in(help_text):
     return [flag.replace("-", "_") for flag in flags]
 
 
-def test_fields_help_and_settings_of_the_report_are_equal(run_tool, tmp_path):
+def test_fields_help_and_settings_of_the_report_are_equal(run_tool, original, tmp_path):
     fields = {field.name for field in dataclasses.fields(Options)}
     listed = names_in(run_tool("reconstruct", "--help").stdout)
     assert len(listed) == len(set(listed))
     assert set(listed) - OWN == fields
     assert not OWN & fields
-    grid = VoxelGrid((6, 10, 6), 1.0)
-    rig = ring(4, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
-    simulate_images(rig, create("blobs", 1, grid.extent, grid.center), grid).save(
-        tmp_path / "scan"
-    )
     out = tmp_path / "out"
     quick = ("--method", "sirt", "--iterations", "2", "--no-pictures")
-    assert run_tool("reconstruct", tmp_path / "scan", *quick, "-o", out).exit_code == 0
+    assert run_tool("reconstruct", original, *quick, "-o", out).exit_code == 0
     settings = json.loads((out / "report.json").read_text("utf-8"))["settings"]
     assert set(settings) == fields
     assert Options.from_mapping(settings) == Options(method="sirt", iterations=2)

@@ -146,28 +146,16 @@ CAMERAS = [f"cam0{number}" for number in range(5)]
 @pytest.mark.parametrize(
     ("damage", "said"),
     [
-        (
-            lambda f: (f / "calibration.yml").unlink(),
-            "run 7: rig: found none, expected",
-        ),
+        (lambda f: (f / "calibration.yml").unlink(), "run 7: rig: found none, expected"),
         (two_rigs, "rigs: found calibration.yml and other.yaml, expected one: --rig calib"),
         (no_images, "run 7: images: found none, expected files that end in .tif"),
-        (
-            lambda f: shutil.rmtree(f / "cam03"),
-            "camera cam03: found no image named",
-        ),
-        (
-            lambda f: shutil.copytree(f / "cam03", f / "extra"),
-            "camera extra: found no such",
-        ),
+        (lambda f: shutil.rmtree(f / "cam03"), "camera cam03: found no image named"),
+        (lambda f: shutil.copytree(f / "cam03", f / "extra"), "camera extra: found no such"),
         (image("frame_001.tif"), "frame_001.tif: camera cam02: found 8 x 9 pixels, expected 48 x"),
         (image("frame_000.tif"), "frame_000.tif: camera cam02: found 8 x 9 pixels, expected 48 x"),
         (other_names, "none named as a camera of the rig, cam00, cam01, cam02, cam03, cam04"),
         (moved_in_time, "found no image, and no frame with one of each camera"),
-        (
-            dark("cam00", "cam01"),
-            "camera cam02: dark: found no frame named dark",
-        ),
+        (dark("cam00", "cam01"), "camera cam02: dark: found no frame named dark"),
         (dark("0", "1"), "dark: found 2 frames, the first dark/0.tif, none named as a camera"),
         (dark(*CAMERAS, shape=(9, 8)), "camera cam00: dark: found 8 x 9 pixels, expected 48 x 56"),
     ],

@@ -11,13 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import phantoms
-import rigs
 import tomo
 from tomo.io import read_volume
 
 ROOT = Path(__file__).parents[3]
-GRID = tomo.VoxelGrid((6, 9, 6), 1.0)
 PREVIEW = {"preview.npz", "preview.json"}
 VOLUMES = {"volume.npz", "volume.vti", "volume.nrrd"}
 
@@ -50,19 +47,11 @@ if __name__ == "__main__":
 
 
 @pytest.fixture(scope="module")
-def scan(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("scan")
-    rig = rigs.ring(4, 60.0, image_size=(14, 18), footprint=0.8)
-    tomo.simulate(rig, phantoms.create("blobs", extent=GRID.extent), GRID).save(folder)
-    return folder
-
-
-@pytest.fixture(scope="module")
-def done(run_tool, scan, tmp_path_factory, choose_quickly):
+def done(run_tool, original, tmp_path_factory, choose_quickly):
     """Return the folder and the result of a run to the end."""
     out = tmp_path_factory.mktemp("out")
     with choose_quickly():
-        result = run_tool("reconstruct", scan, "-o", out)
+        result = run_tool("reconstruct", original, "-o", out)
     assert result.exit_code == 0, result.stderr
     return out, result
 
@@ -95,9 +84,9 @@ def test_stages_after_the_preview_tell_what_is_left(done):
     assert all(left.match(line) for line in stages[preview + 1 :])
 
 
-def test_a_preview_stops_there(run_tool, scan, tmp_path):
+def test_a_preview_stops_there(run_tool, original, tmp_path):
     (tmp_path / "report.json").write_text("{}")  # of an earlier run
-    result = run_tool("reconstruct", scan, "--preview", "-o", tmp_path, "--json")
+    result = run_tool("reconstruct", original, "--preview", "-o", tmp_path, "--json")
     assert result.exit_code == 0
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"preview.npz", "preview.json", "preview.png", "report.json"}
@@ -106,14 +95,15 @@ def test_a_preview_stops_there(run_tool, scan, tmp_path):
     assert report["preview"] == 1
     assert report["answer"]["sentence"] in result.stderr.splitlines()
     volume, grid, unit = read_volume(tmp_path / "preview.npz")
-    assert (grid.shape, unit) == (GRID.shape, "mm")
-    np.testing.assert_array_equal(volume, tomo.preview(scan).volume)
+    assert (grid.shape, unit) == ((6, 10, 6), "mm")
+    np.testing.assert_array_equal(volume, tomo.preview(original).volume)
     assert (tmp_path / "preview.png").read_bytes().startswith(b"\x89PNG")
     assert result.stderr.splitlines()[-1] == f"open {tmp_path / 'preview.png'}"
 
 
-def test_a_film_has_no_preview(refused, scan, tmp_path):
-    line = refused("reconstruct", scan, "--preview", "--frames", ":", "-o", tmp_path / "out.zarr")
+def test_a_film_has_no_preview(refused, original, tmp_path):
+    asked = ("--preview", "--frames", ":", "-o", tmp_path / "out.zarr")
+    line = refused("reconstruct", original, *asked)
     assert line == "error: --preview: found it with --frames, expected one of both"
 
 
@@ -126,14 +116,16 @@ def test_a_film_has_no_preview(refused, scan, tmp_path):
         ("assess", 2, {*PREVIEW, *VOLUMES}, "; {out}/volume.npz is complete, without intervals"),
     ],
 )
-def test_a_stop_leaves_what_is_complete_and_says_so(scan, tmp_path, stage, call, left, words):
+def test_a_stop_leaves_what_is_complete_and_says_so(
+    original, quick, tmp_path, stage, call, left, words
+):
     out, script = tmp_path / "out", tmp_path / "stopped.py"
     out.mkdir()
     (out / "report.json").write_text("{}")  # of an earlier run
     script.write_text(STOPPED)
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # else it is ignored there
     done = subprocess.run(
-        [sys.executable, script, stage, str(call), scan, "-o", out, "--no-pictures"],
+        [sys.executable, script, stage, str(call), original, "-o", out, *quick],
         env=os.environ | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
@@ -144,4 +136,4 @@ def test_a_stop_leaves_what_is_complete_and_says_so(scan, tmp_path, stage, call,
     assert done.stderr.splitlines()[-1].startswith("interrupted" + words.format(out=out))
     assert {path.name for path in out.iterdir()} == left
     for name in left & {"preview.npz", "volume.npz"}:
-        assert read_volume(out / name)[1].shape == GRID.shape
+        assert read_volume(out / name)[1].shape == (6, 10, 6)

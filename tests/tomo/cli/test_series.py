@@ -108,18 +108,10 @@ def test_wrong_requests_are_one_line(
     ("verb", "arguments", "words"),
     [
         ("export", ("none.zarr", "--to", "pvd", "-o", "a.pvd"), "none.zarr: no such store"),
-        (
-            "export",
-            ("STORE", "--to", "gif", "-o", "a.gif"),
-            "to: found 'gif', expected one",
-        ),
+        ("export", ("STORE", "--to", "gif", "-o", "a.gif"), "to: found 'gif', expected one"),
         ("export", ("STORE", "--to", "netcdf", "-o", "a.mp4"), "a.mp4: suffix: found '.mp4', ex"),
         ("export", ("STORE", "--to", "npz", "--frames", "0:7", "-o", "a"), "numbers up to 3"),
-        (
-            "visualize-volume",
-            ("STORE", "-o", "a.glb"),
-            "found '.glb' with a store",
-        ),
+        ("visualize-volume", ("STORE", "-o", "a.glb"), "found '.glb' with a store"),
     ],
 )
 def test_what_a_store_is_not_for(made, refused, tmp_path, monkeypatch, verb, arguments, words):

@@ -135,10 +135,7 @@ GRID_TOO = ("--spacing", "1,2,1.5")
         (("visualize_rig", "paper11_33deg", "-o", "a.eps"), "expected one of .png"),
         (("visualize_rig", "no_such_rig", "-o", "a.png"), "no_such_rig"),
         (("visualize_rig", "paper11_33deg", "--grid", "3x4", "-o", "a.png"), "--grid"),
-        (
-            ("visualize_rig", "paper11_33deg", "--frame", "1", "-o", "a.png"),
-            "--frame: expected",
-        ),
+        (("visualize_rig", "paper11_33deg", "--frame", "1", "-o", "a.png"), "--frame: expected"),
         (("visualize_rig", "posed.yaml", "-o", "a.html"), "calibration.target_poses[0]: found"),
         (("visualize_volume", "array.npy"), "array.npy: spacing: missing in a .npy, expected a"),
         (("visualize_volume", "volume.npz", *GRID_TOO), "volume.npz: spacing: found"),

@@ -84,7 +84,7 @@ def test_every_layer_switches_what_it_names_and_maps_replace_each_other(opened):
         const out = { first: [state(), [...stages[0].visible()]] };
         for (const name of Object.keys(state())) out[name] = await press(name);
         return out;
-        """,
+        """
     )
     names = list(found["first"][0])
     expected = {"cameras", "names", "images", "sight lines", "box", "clicked rays"}
@@ -152,7 +152,7 @@ def test_a_clicked_pixel_s_ray_is_the_camera_s_own(opened, lenses):
           out[name] = rays.drawn;
         }}
         return out;
-        """,
+        """
     )
     for camera in lenses[:4]:
         points = np.array(found[camera.name], float)  # six rays, start and end
@@ -226,7 +226,7 @@ def test_beside_the_lens_there_is_no_ray_and_the_page_says_so(opened, lenses):
           out.push(document.getElementById("ray").textContent);
         }
         return [out, rays.drawn.length, stages[0].lines.length];
-        """,
+        """
     )
     assert "maps no direction" in found[0][0]
     assert "crosses the volume" in found[0][1]
@@ -294,7 +294,7 @@ def test_hostile_names_are_text_and_a_clicked_camera_is_chosen(opened):
         return { names: out, chosen, told, images: document.querySelectorAll("img").length,
                  rows: [...document.querySelectorAll(".tables tbody th")].map(
                    (cell) => cell.textContent) };
-        """,
+        """
     )
     assert found["names"] == ["pinhole", "bent", "wide", HOSTILE, "folded"]
     assert found["told"] == found["chosen"] == ["pinhole", HOSTILE]
@@ -320,7 +320,7 @@ def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
         {SHOWN}
         out.push(boxes);
         return out;
-        """,
+        """
     )
     *seen, off = found
     assert off == []

@@ -16,9 +16,7 @@ VOLUME = np.arange(60, dtype=np.float32).reshape(3, 4, 5)
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @settings(
-    max_examples=15,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(
     shape=st.tuples(*[st.integers(1, 6)] * 3),
@@ -100,9 +98,7 @@ def test_vti_of_other_programs_inline(tmp_path, compress):
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
 @settings(
-    max_examples=25,
-    deadline=None,
-    suppress_health_check=[HealthCheck.function_scoped_fixture],
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
 @given(keep=st.floats(0, 0.98))
 def test_a_truncated_file_is_one_line_naming_it(tmp_path, suffix, keep):

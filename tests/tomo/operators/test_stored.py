@@ -51,8 +51,7 @@ def derived(projector):
 
 
 NAMES = pytest.mark.parametrize(
-    "name",
-    ["whole", "lengths in float64", "subset", "take", "view", "rows", "take of subset"],
+    "name", ["whole", "lengths in float64", "subset", "take", "view", "rows", "take of subset"]
 )
 
 

@@ -54,7 +54,7 @@ def volume_of():
 
     def run(scan, *arguments, **settings):
         scan = scan if isinstance(scan, Scan) else load_scan(scan)
-        options = Options(uncertainty=0, **settings)  # which is found after the volume
+        options = Options(**{"uncertainty": 0, **settings})  # which is found after the volume
         return reconstruct(scan, *arguments, options=options).solution.volume
 
     return run

@@ -11,7 +11,14 @@ from tomo.cli.console import _with_options
 
 GRID = tomo.VoxelGrid((6, 8, 6), 1.0)
 RIG = ring(5, distance=150.0, image_size=(16, 20), footprint=0.7)
-ASKED = {"method": "sirt", "iterations": 3, "uncertainty": 0, "screen": False}
+ASKED = {
+    "method": "sirt",
+    "iterations": 3,
+    "uncertainty": 0,
+    "screen": False,
+    "refine_cameras": "none",
+}
+ASKED |= {"fit_gain": False, "fit_absorption": False}
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +40,7 @@ def test_folders_arrays_and_keywords_give_the_same_volume(made, expected, tmp_pa
     save_rig(RIG, tmp_path / "rig.yaml")
     for found in (
         tomo.reconstruct(str(folder), **ASKED),
-        tomo.reconstruct(folder, options=tomo.Options(iterations=9, screen=False, uncertainty=0),
+        tomo.reconstruct(folder, options=tomo.Options(**ASKED | {"iterations": 9}),
                          method="sirt", iterations=3),
         tomo.reconstruct(images, GRID, rig=RIG, **ASKED),
         tomo.reconstruct(tmp_path / "images", GRID, rig=tmp_path / "rig.yaml", **ASKED),

@@ -60,11 +60,11 @@ def test_wernet_learns_gains_and_predicts_the_held_out_view(unequal):
     assert None not in own
 
 
-def test_what_is_refused_is_not_learned_either(unequal):
+def test_what_is_refused_is_not_learned_either(unequal, as_given):
     """Without gains to learn, the volume is the default's to the bit."""
-    off = {"fit_gain": False, "fit_absorption": False, "screen": False, "refine_cameras": "none"}
-    off["uncertainty"] = 0
-    learned, classic = (reconstruct(unequal, method=name, **off) for name in ("wernet", "auto"))
+    learned, classic = (
+        reconstruct(unequal, method=name, **as_given) for name in ("wernet", "auto")
+    )
     assert learned.report()["solver"]["learned"] is False
     np.testing.assert_array_equal(learned.volume, classic.volume)
 
@@ -104,7 +104,7 @@ def test_before_it_learns_wernet_is_the_default(unequal):
     ids=["gains", "absorption"],
 )
 def test_few_views_teach_shared_effects_and_not_their_own(
-    tmp_path, monkeypatch, effects, better, shape, image_size
+    tmp_path, monkeypatch, as_given, effects, better, shape, image_size
 ):
     grid = VoxelGrid(shape, 1.0)
     look = {"image_size": image_size, "footprint": 0.5, "pitch_degrees": 10.0}
@@ -115,8 +115,7 @@ def test_few_views_teach_shared_effects_and_not_their_own(
     made = replace(made, images=dict(zip(rig.names, images, strict=True)))
     scan = load_scan(made.save(tmp_path / "scan"))
     monkeypatch.setattr(Options, "refused", ())  # the encoder alone may learn what is off
-    settings = {"fit_gain": False, "fit_absorption": False, "hold_out": ["cam02"]}
-    settings["uncertainty"] = 0
+    settings = as_given | {"hold_out": ["cam02"]}
     learned, classic = (
         reconstruct(scan, options=Options(method=method, **settings)).report()["held_out"][
             "cam02"
@@ -142,20 +141,22 @@ def test_settings_of_wernet_are_refused_elsewhere(folder):
 
 
 @pytest.mark.parametrize("given", ["paper-text", "own.yaml"])
-def test_the_paper_s_method_takes_its_settings_from_a_file(folder, tmp_path, monkeypatch, given):
+def test_the_paper_s_method_takes_its_settings_from_a_file(
+    folder, tmp_path, monkeypatch, as_given, given
+):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "own.yaml").write_text("channels: 4\nloss: absolute\n")
-    options = Options(method="wernet-paper", iterations=1, wernet_settings=given)
+    options = Options(method="wernet-paper", iterations=1, wernet_settings=given, **as_given)
     found = reconstruct(load_scan(folder).scaled(2), options=options)
     asked = asdict(load_settings(given, PaperSettings))
     assert asked != asdict(PaperSettings())
     assert {name: found.report()["solver"][name] for name in asked} == asked
 
 
-def test_wernet_takes_its_settings_from_a_file_before_images_are_read(folder, tmp_path):
+def test_wernet_takes_its_settings_from_a_file_before_images_are_read(folder, tmp_path, as_given):
     path = tmp_path / "own.yaml"
     path.write_text("channels: 4\nblocks: 1\n")
-    options = {"method": "wernet", "iterations": 0, "wernet_settings": path}
+    options = as_given | {"method": "wernet", "iterations": 0, "wernet_settings": path}
     found = reconstruct(load_scan(folder).scaled(2), options=Options(**options))
     assert (found.report()["solver"]["blocks"], found.report()["solver"]["channels"]) == (1, 4)
     path.write_text("variant: batch-norm\n")
@@ -163,16 +164,17 @@ def test_wernet_takes_its_settings_from_a_file_before_images_are_read(folder, tm
         reconstruct(load_scan(folder).without("cam00"), options=Options(**options))
 
 
-def test_the_trained_encoder_is_saved_on_request(folder, tmp_path):
+def test_the_trained_encoder_is_saved_on_request(folder, tmp_path, as_given):
     path = tmp_path / "encoder.pt"
     scan = load_scan(folder).scaled(2)
-    settings = {"method": "wernet-paper", "iterations": 1}
+    settings = as_given | {"method": "wernet-paper", "iterations": 1}
     how = tmp_path / "how.yaml"
     how.write_text("save_encoder: encoder.pt\n")
     reconstruct(scan, options=Options(**settings, wernet_settings=how))
     assert load_encoder(path).settings.items() >= {"inputs": "relative", "channels": 32}.items()
     untrained = tmp_path / "none.pt"
     how.write_text("save_encoder: none.pt\n")
-    found = reconstruct(scan, options=Options(method="wernet", iterations=0, wernet_settings=how))
+    settings |= {"method": "wernet", "iterations": 0}
+    found = reconstruct(scan, options=Options(**settings, wernet_settings=how))
     assert not untrained.exists()
     assert any("no encoder was trained" in warning for warning in found.warnings)

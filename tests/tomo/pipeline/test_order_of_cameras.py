@@ -11,11 +11,11 @@ from tomo import Scan, VoxelGrid
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
-GRID = VoxelGrid((16, 20, 16), 0.9)
+GRID = VoxelGrid((12, 16, 12), 1.2)
 RIG = rigs.ring(
-    9, distance=300.0, image_size=(44, 56), footprint=0.45, pitch_degrees=[-8.0, 8.0, 3.0] * 3
+    9, distance=300.0, image_size=(32, 42), footprint=0.6, pitch_degrees=[-8.0, 8.0, 3.0] * 3
 )
-ORDERS = {"reversed": range(8, -1, -1), "mixed": [4, 2, 7, 0, 8, 1, 3, 6, 5]}
+MIXED = [4, 2, 7, 0, 8, 1, 3, 6, 5]
 
 
 @pytest.fixture(scope="module")
@@ -35,7 +35,5 @@ def volume(seen, order, shift):
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (2.0, -1.0)])
 def test_the_order_of_cameras_changes_no_volume(seen, shift):
-    expected = volume(seen, range(9), shift)
-    for order in ORDERS.values():
-        found = volume(seen, order, shift)
-        np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * expected.max())
+    expected, found = (volume(seen, order, shift) for order in (range(9), MIXED))
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-5 * expected.max())

@@ -21,8 +21,11 @@ pytestmark = pytest.mark.usefixtures("quick_choices")
 STAND_IN = "computed on Stand-in (cuda:0)"
 
 
+QUICK = {"screen": False, "refine_cameras": "none", "fit_gain": False, "uncertainty": 0}
+
+
 def of(folder, **settings):
-    options = Options(uncertainty=0, screen=False, refine_cameras="none", **settings)
+    options = Options(**QUICK, fit_absorption=False, **settings)
     return reconstruct(load_scan(folder), options=options)
 
 

@@ -45,7 +45,7 @@ def test_progress_is_reported_all_the_way(folder, method):
     calls = []
     reconstruct(
         load_scan(folder),
-        options=Options(method=method),
+        options=Options(method=method, screen=method == "auto"),
         progress=lambda *call: calls.append(call),
     )
     assert all(0 <= done <= total for done, total, _ in calls)
@@ -96,9 +96,9 @@ def stored(folder):
     return run
 
 
-def test_the_same_frame_has_the_same_psnr_whatever_bits_it_is_stored_in(stored):
+def test_the_same_frame_has_the_same_psnr_whatever_bits_it_is_stored_in(stored, as_given):
     """The peak is the brightest pixel: 8 bits of 16 do not win 48 dB."""
-    options = Options(hold_out=["cam02"], **SIRT)
+    options = Options(hold_out=["cam02"], **SIRT, **as_given)
     eight, low, shifted = (
         reconstruct(stored(kind, times), options=options)
         for kind, times in ((np.uint8, 1), (np.uint16, 1), (np.uint16, 256))
@@ -113,8 +113,8 @@ def test_the_same_frame_has_the_same_psnr_whatever_bits_it_is_stored_in(stored):
     assert eight.peak.value == pytest.approx(brightest, rel=1e-6)
 
 
-def test_a_stated_peak_is_taken_and_reported(copy, folder):
-    own, none = Options(hold_out=["cam02"], peak=8.0, **SIRT), Options(hold_out=["cam02"], **SIRT)
+def test_a_stated_peak_is_taken_and_reported(copy, folder, as_given):
+    own, none = (Options(hold_out=["cam02"], peak=one, **SIRT, **as_given) for one in (8.0, None))
     content = yaml.safe_load((copy / "scan.yaml").read_text())
     (copy / "scan.yaml").write_text(yaml.safe_dump(content | {"peak": 4.0}))
     asked, of_scan, plain = (
@@ -133,11 +133,11 @@ def test_a_peak_in_counts_is_refused_with_what_to_write(stored):
         reconstruct(stored(np.uint16, 256), options=Options(peak=65280, **SIRT))
 
 
-def test_integer_images_have_full_scales_for_unit(copy, outcome):
+def test_integer_images_have_full_scales_for_unit(copy, outcome, as_given):
     for path in copy.glob("images/*/*.tif"):
         pixels = tifffile.imread(path)
         tifffile.imwrite(path, np.round(pixels / 4 * 65535).astype(np.uint16))
-    found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"], **SIRT))
+    found = reconstruct(load_scan(copy), options=Options(hold_out=["cam02"], **SIRT, **as_given))
     assert found.value_unit == found.report()["scan"]["value_unit"] == "full scales per mm"
     assert outcome.value_unit == "image units per mm"
     brightest = max(tifffile.imread(p).max() for p in copy.glob("images/*/*.tif")) / 65535

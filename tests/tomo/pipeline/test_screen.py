@@ -17,7 +17,7 @@ GRID = VoxelGrid((16, 24, 16), 1.0)
 
 @pytest.fixture(scope="module")
 def made():
-    rig = rigs.ring(12, distance=300.0, image_size=(48, 60), footprint=0.5, pitch_degrees=12)
+    rig = rigs.ring(12, distance=300.0, image_size=(36, 45), footprint=0.667, pitch_degrees=12)
     field = phantoms.create("turbulent", seed=3, extent=GRID.extent)
     return simulate_images(rig, field, GRID, supersample=2, refine=2)
 
@@ -107,7 +107,7 @@ def test_outlier_pixels_are_excluded_and_reported(made, run, clean):
     }
     outcome = run(images)
     assert outcome.solution.quality["nrmse"] < 1.2 * clean.solution.quality["nrmse"]
-    assert sum(outcome.screening["outlier_pixels"].values()) > 0.008 * 12 * 48 * 60
+    assert sum(outcome.screening["outlier_pixels"].values()) > 0.008 * 12 * 36 * 45
     assert {one.effect for one in outcome.findings} == {"bad pixels"}
 
 

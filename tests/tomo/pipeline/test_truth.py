@@ -31,7 +31,7 @@ def test_the_distances_from_the_truth_end_at_the_volume_s_own(outcome):
     assert distances[0] > 2 * own  # it starts from a few updates of MLEM
 
 
-def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
+def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid, as_given):
     for shift, alike in ((1e-9, True), (1e-3, False)):
         moved = VoxelGrid(grid.shape, grid.spacing, (1e5 + shift, 0.0, 0.0))
         write_volume(copy / "truth.npz", np.ones(grid.shape), moved)
@@ -40,7 +40,7 @@ def test_a_truth_that_is_a_voxel_s_part_off_is_not_compared(copy, grid):
         distant = VoxelGrid(grid.shape, grid.spacing, (1e5, 0.0, 0.0))
         rig = scan.rig.transformed(np.eye(3), np.array([1e5, 0, 0]) - grid.center)
         scan = Scan(rig, scan.frames, truth=scan.truth, source=copy)
-        assert (reconstruct(scan, distant, Options(**SIRT)).truth is not None) == alike
+        assert (reconstruct(scan, distant, Options(**SIRT, **as_given)).truth is not None) == alike
 
 
 def test_shrunk_images_say_the_same(folder, outcome):

@@ -12,6 +12,8 @@ from tomo.simulation import simulate_images
 GRID = VoxelGrid((20, 52, 20), 0.7)
 SMALL = VoxelGrid((14, 38, 14), 0.7)
 PHOTONS = 150
+# what is wrong with images says nothing of their noise
+QUICK = {"screen": False, "refine_cameras": "none", "fit_absorption": False, "uncertainty": 0}
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,7 @@ def larger(take):
 
 def both(scan, **how):
     """Return what comes of it unweighted and weighted."""
-    options = Options(uncertainty=0, **how)
+    options = Options(**QUICK, **how)
     with pytest.MonkeyPatch.context() as patch:
         alike = None, {"used": False, "reason": "the test has all alike"}
         patch.setattr("tomo.pipeline.build._weighted", lambda *given: alike)
@@ -93,8 +95,8 @@ def test_few_views_are_weighed_too_and_mlem_which_knows_photons_is_not(quick_cho
 
 
 def test_wernet_starts_from_the_weighed_default(quick_choice, photons):
-    default = reconstruct(photons, options=Options(uncertainty=0))
-    learned = reconstruct(photons, options=Options(method="wernet", iterations=1, uncertainty=0))
+    default = reconstruct(photons, options=Options(**QUICK))
+    learned = reconstruct(photons, options=Options(method="wernet", iterations=1, **QUICK))
     assert learned.pixel_weights == default.pixel_weights
     assert learned.solution.settings["weighted"]
     assert learned.solution.settings["solved_by"]["weighted"]

@@ -96,15 +96,10 @@ def test_simulation_agrees_and_comes_back_from_disk(rig, made, tmp_path):
 
 
 @pytest.mark.parametrize("method", ["cgls", "mlem"])
-def test_reconstructions_agree(rig, made, tmp_path, method):
+def test_reconstructions_agree(rig, made, tmp_path, as_given, method):
     made.save(tmp_path)
     scan = load_scan(tmp_path)
-    options = {
-        "method": method,
-        "iterations": 8,
-        "hold_out": [rig.names[1]],
-        "refine_cameras": "none",
-    }
+    options = as_given | {"method": method, "iterations": 8, "hold_out": [rig.names[1]]}
     expected = reconstruct(scan, options=Options(**options))
     found = reconstruct(replace(scan, rig=tables(rig)), options=Options(**options))
     volumes = [outcome.volume for outcome in (expected, found)]

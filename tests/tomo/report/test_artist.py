@@ -29,11 +29,11 @@ if __name__ == "__main__":
 
 
 @pytest.fixture(scope="module")
-def outcome():
+def outcome(as_given):
     grid = tomo.VoxelGrid((6, 9, 6), 1.0)
     rig = rigs.ring(4, 60.0, image_size=(14, 18), footprint=0.8)
     scan = tomo.simulate(rig, phantoms.create("blobs", extent=grid.extent), grid)
-    return tomo.reconstruct(scan, method="mlem", iterations=5)
+    return tomo.reconstruct(scan, method="mlem", iterations=5, **as_given)
 
 
 @pytest.fixture(scope="module")

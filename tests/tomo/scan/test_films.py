@@ -63,10 +63,7 @@ def test_scan_files_say_where_films_begin_and_which_camera_is_late(films):
 
 def test_frames_that_a_late_camera_lacks_are_named_when_read(films):
     folder, _ = films
-    write_scan(
-        folder,
-        films={"cam00": "cam00.tif", "cam01": {"path": "cam01.tif", "offset": 3}},
-    )
+    write_scan(folder, films={"cam00": "cam00.tif", "cam01": {"path": "cam01.tif", "offset": 3}})
     scan = load_scan(folder)
     assert len(scan.frames) == 10
     with pytest.raises(ValueError, match="frame '2': camera cam01: found no image"):

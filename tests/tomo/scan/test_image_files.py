@@ -66,9 +66,7 @@ def test_folders_that_fit_no_camera_are_listed(folder, tmp_path, rig, assert_ref
     for image in (images / "left").iterdir():
         image.rename(image.with_suffix(".raw"))
     assert_refused(
-        lambda: scan_of_images(rig, images),
-        f"{images / 'left'}: camera left",
-        ".tif, .tiff, .png",
+        lambda: scan_of_images(rig, images), f"{images / 'left'}: camera left", ".tif, .tiff, .png"
     )
 
 

@@ -58,10 +58,10 @@ def test_a_simulated_scan_is_reconstructed_without_files(how, tmp_path):
         assert one.partition("use scan")[0] == other.partition("write into scan.yaml")[0]
 
 
-def test_a_truth_on_another_grid_is_a_warning():
+def test_a_truth_on_another_grid_is_a_warning(as_given):
     scan = tomo.simulate(RIG, create("jet", 1, GRID.extent), GRID)
     other = VoxelGrid((3, 5, 3), 2.0)
-    found = tomo.reconstruct(scan, other, Options(method="sirt", iterations=2))
+    found = tomo.reconstruct(scan, other, Options(method="sirt", iterations=2, **as_given))
     assert found.warnings[0].startswith("truth: the truth is on another grid: no quality")
     assert found.truth is None
 

@@ -23,7 +23,7 @@ def moving_blobs(grid, time):
 
 
 @pytest.fixture(scope="session")
-def film():
+def film(as_given):
     """Return a film of moving blobs in five small views: scan, truths, grid and options."""
     grid = VoxelGrid((12, 14, 12), 1.0)
     rig = rigs.ring(5, distance=200.0, image_size=(24, 26), footprint=0.8, pitch_degrees=12.0)
@@ -38,11 +38,7 @@ def film():
             images[name].append(image + rng.normal(0, 0.02, image.shape).astype(np.float32))
     images = {name: np.array(each) for name, each in images.items()}
     options = Options(  # the rig is exact, and frames stand for themselves: others test that
-        frames=":",
-        hold_out=(rig.names[2],),
-        key_frames=2,
-        refine_cameras=("none",),
-        temporal="off",
+        frames=":", hold_out=(rig.names[2],), key_frames=2, temporal="off", **as_given
     )
     scan = Scan.from_arrays(rig, images, grid)
     return SimpleNamespace(

@@ -1,12 +1,15 @@
 """A film on a device: its frames, a device that is lost, a worker's own device."""
 
 import pickle
+import shutil
+import sys
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from host_build import StandIn
 
 from tomo.operators.gpu import DeviceError
 from tomo.series import reconstruct_series
@@ -34,16 +37,34 @@ Lost.__module__ = "cupy_backends.cuda.api.runtime"
 
 
 @pytest.fixture(scope="module")
-def store(film, host, tmp_path_factory, choose_quickly):
-    """Return the film computed on a stand-in for a device, in one go."""
-    import sys
+def run(film, tmp_path_factory):
+    """Return a function that computes the film on a device, in one go."""
 
-    from host_build import StandIn
+    def computed(**how):
+        path = tmp_path_factory.mktemp("device") / "out.zarr"
+        options = film.options.but(device="auto", **how)
+        return reconstruct_series(film.scan, path, options=options)
 
-    path = tmp_path_factory.mktemp("device") / "out.zarr"
+    return computed
+
+
+@pytest.fixture(scope="module")
+def launched():
+    """Return the names of the kernels that ran on the stand-in for the store, one by one."""
+    return []
+
+
+@pytest.fixture(scope="module")
+def store(run, host, launched, choose_quickly):
+    """Return the film computed on a stand-in for a device."""
+
+    def launch(*arguments):
+        launched.append(arguments[0])
+        host.launch(*arguments)
+
     with pytest.MonkeyPatch.context() as patch, choose_quickly():
-        patch.setitem(sys.modules, "cupy", StandIn(host))
-        return reconstruct_series(film.scan, path, options=film.options.but(device="auto"))
+        patch.setitem(sys.modules, "cupy", StandIn(SimpleNamespace(launch=launch)))
+        return run()
 
 
 def test_volumes_are_those_of_the_cpu(store, undisturbed):
@@ -53,15 +74,11 @@ def test_volumes_are_those_of_the_cpu(store, undisturbed):
     assert off(store, undisturbed) < NEAR
 
 
-def test_arrays_that_are_not_numpys_give_the_same_bits(
-    film, store, cupy, on_arrays_of, tmp_path, choose_quickly
-):
+def test_arrays_that_are_not_numpys_give_the_same_bits(run, cupy, on_arrays_of):
+    brief = {"frames": "0:2", "key_frames": 1}
+    expected = run(**brief)
     on_arrays_of("array_api_strict")
-    with choose_quickly():
-        found = reconstruct_series(
-            film.scan, tmp_path / "out.zarr", options=film.options.but(device="auto")
-        )
-    assert np.array_equal(found.group["emission"][:], store.group["emission"][:])
+    assert np.array_equal(run(**brief).group["emission"][:], expected.group["emission"][:])
 
 
 def test_the_page_of_a_film_says_where_it_was_computed(store):
@@ -73,18 +90,10 @@ def test_the_page_of_a_film_says_where_it_was_computed(store):
 
 
 def test_a_lost_device_leaves_the_frames_that_are_done(
-    film, cupy, store, tmp_path, monkeypatch, assert_same
+    film, cupy, store, launched, tmp_path, monkeypatch, assert_same
 ):
-    launch, launched, path = cupy.host.launch, [], tmp_path / "out.zarr"
+    launch, path = cupy.host.launch, tmp_path / "out.zarr"
     options = film.options.but(device="auto")
-
-    def counting(*arguments):
-        launched.append(arguments[0])
-        launch(*arguments)
-
-    monkeypatch.setattr(cupy, "host", SimpleNamespace(launch=counting))
-    whole = reconstruct_series(film.scan, tmp_path / "whole.zarr", options=options)
-    assert_same(whole, store)
     left = len(launched) - 5  # the last block's last launches fail
 
     def failing(*arguments):
@@ -106,9 +115,6 @@ def test_a_lost_device_leaves_the_frames_that_are_done(
 
 
 def test_what_began_on_a_device_does_not_go_on_elsewhere(film, store, monkeypatch, tmp_path):
-    import shutil
-    import sys
-
     path = tmp_path / "out.zarr"
     shutil.copytree(store.path, path)
     (path / "complete" / "c" / "1").unlink()  # the last block is to be done again

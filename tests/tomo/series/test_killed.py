@@ -26,7 +26,10 @@ with np.load(sys.argv[1]) as file:
     images = dict(file)
 rig = rigs.ring(5, distance=200.0, image_size=(24, 26), footprint=0.8, pitch_degrees=12.0)
 scan = Scan.from_arrays(rig, images, VoxelGrid((12, 14, 12), 1.0))
-quick = Options(frames=":", hold_out=(rig.names[2],), key_frames=2, method="sirt", iterations=99)
+quick = Options(
+    frames=":", hold_out=(rig.names[2],), key_frames=2, method="sirt", iterations=99,
+    screen=False, refine_cameras="none", fit_gain=False, fit_absorption=False,
+)
 for line in sys.stdin:  # each run is a process of its own; what it imports is here already
     child = os.fork()
     if not child:

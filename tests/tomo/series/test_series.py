@@ -60,14 +60,14 @@ def test_held_out_images_change_no_bit_of_a_volume(film, undisturbed, tmp_path):
     assert not np.array_equal(other.group["psnr"][:], undisturbed.group["psnr"][:])
 
 
-def test_light_that_no_key_frame_shows_is_reconstructed(film, tmp_path):
+def test_light_that_no_key_frame_shows_is_reconstructed(film, tmp_path, as_given):
     """The voxels of a block are those of its own frames, not of the key frames."""
     dark = {name: np.zeros_like(images) for name, images in film.images.items()}
     for name, images in film.images.items():
         dark[name][:8] = images[:1]  # the key frames show the first moment alone
         dark[name][8:] = images[8:]
     scan = Scan.from_arrays(film.rig, dark, film.grid)
-    options = Options(frames=":", key_frames=1)
+    options = Options(frames=":", key_frames=1, **as_given)
     store = reconstruct_series(scan, tmp_path / "out.zarr", options=options)
     for place in (8, 10):
         assert nrmse(store.volume(place), film.truths[place]) < 0.1
@@ -90,13 +90,14 @@ def test_dark_frames_are_dark_volumes(film, tmp_path):
     "options",
     [
         Options(frames="0:9", method="mlem", iterations=15),
-        Options(frames="0:9", basis="voxel"),
-        Options(frames="0:3", skip=False, fit_gain=True, iterations=8),
+        Options(frames="0:9", basis="voxel", screen=False),
+        Options(frames="0:3", skip=False, fit_gain=True, iterations=8, screen=False),
         Options(
             frames="0:2",
             carving="off",
             screen=False,
             refine_cameras="none",
+            fit_absorption=False,
             projector="on-the-fly",
             method="sirt",
             iterations=30,

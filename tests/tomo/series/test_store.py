@@ -60,10 +60,7 @@ def test_incomplete_frames_are_not_handed_out(undisturbed, tmp_path):
 
 @pytest.mark.parametrize(
     ("change", "part"),
-    [
-        ({"format": "other"}, "format: found 'other'"),
-        ({"version": 2}, "version: found 2"),
-    ],
+    [({"format": "other"}, "format: found 'other'"), ({"version": 2}, "version: found 2")],
 )
 def test_stores_of_other_kinds_are_refused(tmp_path, change, part):
     zarr.create_group(

@@ -19,8 +19,8 @@ RIG = rigs.ring(5, distance=200.0, image_size=(20, 22), footprint=0.8, pitch_deg
 COUNT = 14
 FASTEST = 0.35  # voxels a frame
 QUICK = Options(
-    frames=":", key_frames=1, screen=False, fit_gain=False, basis="voxel",
-    refine_cameras=("none",),
+    frames=":", key_frames=1, screen=False, fit_gain=False, fit_absorption=False,
+    basis="voxel", refine_cameras=("none",),
 )  # fmt: skip
 
 

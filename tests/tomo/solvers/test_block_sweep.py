@@ -48,8 +48,9 @@ def _noisy(measured, seed=0):
     return (measured + noise).astype(np.float32)
 
 
-@pytest.mark.parametrize("subsets", [2, 9])
-@pytest.mark.parametrize(("relaxation", "nonnegative"), [(1.0, True), (0.3, False)])
+@pytest.mark.parametrize(
+    ("subsets", "relaxation", "nonnegative"), [(2, 1.0, True), (9, 0.3, False)]
+)
 @pytest.mark.parametrize(("cut", "fair"), [(1, False), (1, True), (5, True)])
 def test_it_updates_as_its_twin_does(
     case, dense, subsets, relaxation, nonnegative, cut, fair, monkeypatch

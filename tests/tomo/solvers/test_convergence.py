@@ -34,8 +34,14 @@ def _overdetermined(seed=0, noise=0.3):
     return matrix, truth, measured.astype(np.float32).astype(np.float64)
 
 
-@pytest.mark.parametrize("method", solvers.METHODS)
-@pytest.mark.parametrize("system", ["ring_system", "supersampled"])
+@pytest.mark.parametrize(
+    ("method", "system"),
+    [
+        *((method, "ring_system") for method in solvers.METHODS),
+        # by rows, by blocks of them, by products, and by products of factors
+        *((method, "supersampled") for method in ("art", "mart", "sart", "cgls", "mlem")),
+    ],
+)
 def test_clean_images_lead_to_the_truth(request, system, method):
     case = request.getfixturevalue(system)
     found = getattr(solvers, method)(case.projector, case.measured, **ENOUGH[method])

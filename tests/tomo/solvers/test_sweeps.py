@@ -35,11 +35,7 @@ def _order(matrix, seed=0):
 
 
 @pytest.mark.parametrize(
-    ("method", "twin"),
-    [
-        (art, lambda *a: art_twin(*a[:4], True, a[4])),
-        (mart, mart_twin),
-    ],
+    ("method", "twin"), [(art, lambda *a: art_twin(*a[:4], True, a[4])), (mart, mart_twin)]
 )
 def test_several_rays_of_a_pixel_are_one_equation(supersampled, dense, method, twin):
     projector, measured = supersampled.projector, supersampled.measured

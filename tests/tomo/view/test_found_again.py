@@ -12,7 +12,11 @@ from rigs.recordings import write_image
 from tomo.view.opening import content_of_film, content_of_outcome
 
 GRID = tomo.VoxelGrid((6, 8, 6), 1.0)
-FAST = {"method": "sirt", "iterations": 3, "uncertainty": 0, "screen": False}
+
+
+@pytest.fixture(scope="module")
+def fast(as_given):
+    return as_given | {"method": "sirt", "iterations": 3}
 
 
 @pytest.fixture
@@ -35,9 +39,11 @@ def scan(folder, monkeypatch):
     return scan.with_corrections(dark="dark")
 
 
-def test_a_still_and_a_film_find_rig_images_and_dark_frames(scan, folder, tmp_path, monkeypatch):
-    tomo.reconstruct(scan, **FAST, frame="2").save(folder / "out", with_pictures=False)
-    tomo.reconstruct_series(scan, folder / "film.zarr", frames=":", **FAST)
+def test_a_still_and_a_film_find_rig_images_and_dark_frames(
+    scan, folder, fast, tmp_path, monkeypatch
+):
+    tomo.reconstruct(scan, **fast, frame="2").save(folder / "out", with_pictures=False)
+    tomo.reconstruct_series(scan, folder / "film.zarr", frames=":", **fast)
     expected = scan.images("2")
     monkeypatch.chdir(tmp_path)
     still, film = content_of_outcome(folder / "out"), content_of_film(folder / "film.zarr")
@@ -50,8 +56,8 @@ def test_a_still_and_a_film_find_rig_images_and_dark_frames(scan, folder, tmp_pa
     assert film.moments == ("1", "2")
 
 
-def test_images_and_rig_are_found_beside_an_outcome_that_moved(scan, folder, tmp_path):
+def test_images_and_rig_are_found_beside_an_outcome_that_moved(scan, folder, fast, tmp_path):
     scan = tomo.scan_of_images("rig.yaml", "images", "{frame}+{camera}.tif", grid=GRID)
-    tomo.reconstruct(scan, **FAST).save(folder / "out", with_pictures=False)
+    tomo.reconstruct(scan, **fast).save(folder / "out", with_pictures=False)
     shutil.move(folder, tmp_path / "there")
     assert content_of_outcome(tmp_path / "there" / "out").scan is not None

@@ -18,8 +18,8 @@ from tomo.view.page import compare
 
 
 @pytest.fixture(scope="module")
-def result(scan):
-    options = Options(method="mlem", iterations=3, uncertainty=0, frame="001")
+def result(scan, as_given):
+    options = Options(method="mlem", iterations=3, frame="001", **as_given)
     return reconstruct(scan.scaled(2), options=options)
 
 

@@ -108,10 +108,7 @@ def test_a_single_segment_takes_the_direction_and_depth_of_its_neighbour():
     directions = np.array([[1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
     segments = trace(Rays.from_lines(origins, directions), grid, midpoints=True)
     one = Segments(
-        np.array([0, 4, 5]),
-        segments.voxel[:5],
-        segments.length[:5],
-        segments.midpoint[:5],
+        np.array([0, 4, 5]), segments.voxel[:5], segments.length[:5], segments.midpoint[:5]
     )
     found = _optics(Projector(one, grid))
     np.testing.assert_allclose(found[:, DIRECTION], [[1, 0, 0]] * 5, atol=1e-6)

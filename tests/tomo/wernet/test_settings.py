@@ -7,13 +7,7 @@ import pytest
 import torch
 import yaml
 
-from tomo.wernet import (
-    PaperSettings,
-    WernetSettings,
-    load_settings,
-    settings_names,
-    wernet_paper,
-)
+from tomo.wernet import PaperSettings, WernetSettings, load_settings, settings_names, wernet_paper
 from tomo.wernet.settings import Learning
 
 KINDS = (PaperSettings, WernetSettings)
@@ -59,11 +53,7 @@ def test_the_settings_that_come_along_are_the_working_ones_and_the_text_s():
         (PaperSettings, "last_bias: .inf", "last_bias: found inf, expected a finite number or n"),
         (PaperSettings, "normalise_gradient: 1", "normalise_gradient: found 1, expected true or"),
         (PaperSettings, "voxel_start: .nan", "voxel_start: found nan, expected a finite number"),
-        (
-            PaperSettings,
-            "voxel_learning_rate: -1",
-            "voxel_learning_rate: found -1, expected a fi",
-        ),
+        (PaperSettings, "voxel_learning_rate: -1", "voxel_learning_rate: found -1, expected a fi"),
         (PaperSettings, "encoder_learning_rate: x", "encoder_learning_rate: found 'x', expected"),
         (WernetSettings, "variant: no-bias", "'variant': found a field that WernetSettings has n"),
         (WernetSettings, "steps: 0", "steps: found 0, expected a whole number >= 1"),

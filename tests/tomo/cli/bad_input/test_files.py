@@ -7,7 +7,6 @@ import tifffile
 from rigs import load_rig
 from rigs.formats.transforms import save_transforms
 
-QUICK = ("--method", "sirt", "--iterations", "2")
 BOX = ("--grid", "6x10x6", "--spacing", "1")
 
 
@@ -63,10 +62,7 @@ def test_a_wrong_image(refused, scan, tmp_path, damage, words, options):
     ("change", "words"),
     [
         (lambda d: d["frames"][0]["images"].pop("cam01"), "camera cam01: found no image"),
-        (
-            lambda d: d["frames"][0]["images"].update(cam99="x.tif"),
-            "found camera 'cam99'",
-        ),
+        (lambda d: d["frames"][0]["images"].update(cam99="x.tif"), "found camera 'cam99'"),
         (lambda d: d.update(rig="/rig.yaml"), "rig: found '/rig.yaml', expected a path"),
     ],
 )
@@ -94,10 +90,10 @@ def test_empty_and_truncated_files(refused, scan, tmp_path, name, fraction):
         assert str(path) in refused("visualize_rig", scan, *shown)
 
 
-def test_an_earlier_output_survives_bad_input(refused, scan, tmp_path):
+def test_an_earlier_output_survives_bad_input(refused, scan, quick, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     for name in ("report.json", "volume.npz", "difference.png"):
         (out / name).write_text(f"an earlier {name}")
     _spoil(_image(scan))
-    refused("reconstruct", scan, *QUICK, "-o", out)  # compares every file below tmp_path
+    refused("reconstruct", scan, *quick, "-o", out)  # compares every file below tmp_path

@@ -45,10 +45,10 @@ def test_the_images_of_a_lens_are_near(out_of_focus):
     assert apart[1] < 0.2 * apart[0]
 
 
-def test_wernet_sees_through_a_disc(scans, out_of_focus):
-    settings = {"method": "wernet", "iterations": 3, "hold_out": ["cam02"], "uncertainty": 0}
-    settings |= {"compare": ["mlem:30"]}
-    settings |= {"basis": "voxel"}  # as what is reconstructed through a disc
+def test_wernet_sees_through_a_disc(scans, out_of_focus, as_given):
+    settings = as_given | {"method": "wernet", "iterations": 3, "hold_out": ["cam02"]}
+    # the basis of what is reconstructed through a disc
+    settings |= {"compare": ["mlem:30"], "basis": "voxel"}
     found, unaware = (
         reconstruct(scans[0], options=Options(**settings, blur=blur))
         for blur in (out_of_focus.blur, 0)
@@ -66,19 +66,13 @@ def test_wernet_sees_through_a_disc(scans, out_of_focus):
 
 
 @pytest.mark.parametrize(("method", "projector"), [("auto", "stored"), ("sirt", "on-the-fly")])
-def test_others_see_through_a_disc_that_is_given(scans, out_of_focus, method, projector):
-    settings = {
-        "method": method,
-        "projector": projector,
-        "refine_cameras": "none",
-        "uncertainty": 0,
-    }
+def test_others_see_through_a_disc_that_is_given(scans, out_of_focus, as_given, method, projector):
+    settings = as_given | {"method": method, "projector": projector}
     aware = reconstruct(scans[0], options=Options(**settings, blur=out_of_focus.blur))
     unaware = reconstruct(scans[0], options=Options(**settings))
     assert distance(aware) < 0.75 * distance(unaware)
-    boxes = reconstruct(
-        scans[0], options=Options(**settings, basis="voxel")
-    )  # as the one that knows the disc
+    # the basis of the one that knows the disc
+    boxes = reconstruct(scans[0], options=Options(**settings, basis="voxel"))
     assert residual(aware) < residual(boxes)
     assert unaware.options.blur == 0
 
