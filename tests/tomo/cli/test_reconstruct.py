@@ -122,10 +122,9 @@ def test_the_summary_is_on_stderr_one_line_a_fact(done):
 
 
 def test_a_run_that_is_interrupted_as_it_writes_leaves_the_volume(
-    run_tool, scan, tmp_path, monkeypatch
+    run_tool, scan, quick, tmp_path, monkeypatch
 ):
-    options = ("--method", "sirt", "--iterations", "2", "--uncertainty", "0")
-    options += ("-o", tmp_path / "out")
+    options = (*quick, "--pictures", "-o", tmp_path / "out")
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "report.json").write_text("{}")  # of an earlier run
 
@@ -138,8 +137,8 @@ def test_a_run_that_is_interrupted_as_it_writes_leaves_the_volume(
     assert left == {*VOLUMES, "preview.npz", "preview.json", "preview.png"}
 
 
-def test_a_picture_of_an_earlier_run_does_not_stay(run_tool, scan, tmp_path):
-    options = ("--method", "sirt", "--iterations", "2", "-o", tmp_path)
+def test_a_picture_of_an_earlier_run_does_not_stay(run_tool, scan, quick, tmp_path):
+    options = (*quick, "-o", tmp_path)
     (tmp_path / "difference.png").write_bytes(b"from a truth, which this run has not")
     (tmp_path / "mine.png").write_bytes(b"")
     other = ("--lower", "6,-7,-8", "--upper", "14,7,2", "--grid", "4x7x4")
@@ -149,7 +148,7 @@ def test_a_picture_of_an_earlier_run_does_not_stay(run_tool, scan, tmp_path):
     assert read_volume(tmp_path / "volume.vti")[1].shape == (4, 7, 4)
 
 
-def test_images_of_a_transforms_json_that_lie_elsewhere(run_tool, refused, scan, tmp_path):
+def test_images_of_a_transforms_json_that_lie_elsewhere(run_tool, refused, scan, quick, tmp_path):
     path, loaded = tmp_path / "poses" / "transforms.json", load_scan(scan)
     save_transforms(loaded.rig, path)
     text = path.read_text().replace('"file_path": "images/', '"file_path": "D:\\\\shots\\\\')
@@ -157,8 +156,8 @@ def test_images_of_a_transforms_json_that_lie_elsewhere(run_tool, refused, scan,
         suffix = Path(image).suffix
         text = text.replace(f"\\\\{name}.png", f"\\\\{name}\\\\{Path(image).stem}{suffix}")
     path.write_text(text)
-    options = ("--grid", "6x8x6", "--spacing", "1.5", "--method", "sirt", "--iterations", "2")
-    arguments = ("reconstruct", path, *options, "--no-pictures", "-o", tmp_path / "out")
+    box = ("--grid", "6x8x6", "--spacing", "1.5")
+    arguments = ("reconstruct", path, *box, *quick, "-o", tmp_path / "out")
     words = "expected a path inside the scan folder, or --images FOLDER"
     assert words in refused(*arguments)
     done = run_tool(*arguments, "--images", scan / "images", "--json")
@@ -198,9 +197,8 @@ def test_a_reconstruction_can_be_simulated_again(run_tool, done, scan, tmp_path)
     assert np.linalg.norm(np.subtract(seen, first)) < 0.3 * np.linalg.norm(first)
 
 
-def test_in_a_process_of_its_own(scan, tmp_path):
-    options = ("--method", "sirt", "--iterations", "2", "--no-pictures", "--json")
-    command = [sys.executable, TOOL, scan, "-o", tmp_path, *options]
+def test_in_a_process_of_its_own(scan, quick, tmp_path):
+    command = [sys.executable, TOOL, scan, "-o", tmp_path, *quick, "--json"]
     done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
     assert done.returncode == 0, done.stderr
     assert json.loads(done.stdout)["method"] == "sirt"
@@ -208,12 +206,12 @@ def test_in_a_process_of_its_own(scan, tmp_path):
 
 
 @pytest.fixture(scope="module")
-def quick(run_tool):
+def report_of(run_tool, quick):
     """Return a function that runs a short reconstruction and returns its report."""
 
     def run(out, *arguments):
-        options = ("--method", "sirt", "--iterations", "8", "--no-pictures", "--uncertainty", "0")
-        result = run_tool("reconstruct", *arguments, *options, "--json", "-o", out)
+        options = (*quick, "--iterations", "8", "--json", "-o", out)
+        result = run_tool("reconstruct", *arguments, *options)
         assert result.exit_code == 0, (result.stderr, result.exception)
         return json.loads(result.stdout)
 
@@ -228,15 +226,17 @@ def quick(run_tool):
         ("shot{frame}/{camera}-a.tif", ("--pattern", "shot{frame}/{camera}-*.tif")),
     ],
 )
-def test_images_are_found_in_any_layout_or_by_a_pattern(scan, quick, tmp_path, layout, pattern):
+def test_images_are_found_in_any_layout_or_by_a_pattern(
+    scan, report_of, tmp_path, layout, pattern
+):
     for camera in load_scan(scan).rig.names:
         path = tmp_path / "images" / layout.format(camera=camera, frame="0001")
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes((scan / "images" / camera / "frame_000.tif").read_bytes())
     box = ("--grid", "8x14x8", "--spacing", "1,1,1.2", "--center", "10,0,-3")
     given = ("--rig", scan / "rig.yaml", "--images", tmp_path / "images")
-    quick(tmp_path / "a", *given, *box, *pattern)
-    quick(tmp_path / "b", scan)
+    report_of(tmp_path / "a", *given, *box, *pattern)
+    report_of(tmp_path / "b", scan)
     one, other = (read_volume(tmp_path / name / "volume.npz")[0] for name in "ab")
     np.testing.assert_array_equal(one, other)
 
@@ -252,14 +252,14 @@ def test_names_that_fit_no_layout_are_refused_with_the_pattern_to_write(scan, re
     assert words in refused("reconstruct", *given, "--pattern", "{camera}.tif")
 
 
-def test_one_colour_of_a_mosaic(quick, tmp_path):
+def test_one_colour_of_a_mosaic(report_of, tmp_path):
     """Colours of other gains spoil nothing, and the pixels' own rays are those traced."""
     rig = ring(5, distance=150.0, image_size=(48, 64), footprint=0.35, center=GRID.center)
     field = create("jet", 2, GRID.extent, GRID.center)
     simulate_images(rig, field, GRID, supersample=1, refine=2).save(tmp_path / "whole")
 
     def error(*options):
-        return quick(tmp_path / "out", tmp_path / "whole", *options)["quality"]["nrmse"]
+        return report_of(tmp_path / "out", tmp_path / "whole", *options)["quality"]["nrmse"]
 
     green = ("--bayer", "rggb", "--channel", "g")
     whole_sensor, grey_light = error(), error(*green)
@@ -272,16 +272,16 @@ def test_one_colour_of_a_mosaic(quick, tmp_path):
     assert error("--bayer", "bggr", "--channel", "r") > 2 * grey_light
 
 
-def test_orientation_tags_are_noted(scan, quick, tmp_path):
+def test_orientation_tags_are_noted(scan, report_of, tmp_path):
     shutil.copytree(scan, tmp_path / "scan")
     for camera in ("cam00", "cam03"):
         path = tmp_path / "scan" / "images" / camera / "frame_000.tif"
         image = tifffile.imread(path)
         tifffile.imwrite(path, image, photometric="minisblack", extratags=[(274, "H", 1, 4, True)])
-    report = quick(tmp_path / "out", tmp_path / "scan")
+    report = report_of(tmp_path / "out", tmp_path / "scan")
     (note,) = [line for line in report["warnings"] if "orientation" in line]
     assert note.startswith("cameras cam00, cam03: an orientation tag (4)")
-    plain = quick(tmp_path / "plain", scan)
+    plain = report_of(tmp_path / "plain", scan)
     assert not [line for line in plain["warnings"] if "orientation" in line]
     one, other = (read_volume(tmp_path / n / "volume.npz")[0] for n in ("out", "plain"))
     np.testing.assert_array_equal(one, other)

@@ -14,6 +14,8 @@ from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((14, 28, 14), 1.0)
 FOOTPRINT = 0.7
+QUICK = ("--method", "sirt", "--iterations", "2", "--uncertainty", "0", "--no-pictures")
+QUICK += ("--no-screen", "--no-fit-absorption")
 BOX = box_points(GRID.lower, GRID.upper, 4)
 
 
@@ -38,7 +40,7 @@ def scan(tmp_path_factory, rig, disturbed):
 def done(run_tool, scan, tmp_path_factory):
     out = tmp_path_factory.mktemp("done") / "out"
     options = ("--refine-cameras", "all", "--hold-out", "cam04", "--json")
-    options += ("--method", "sirt", "--iterations", "2", "--uncertainty", "0", "--no-pictures")
+    options += QUICK
     result = run_tool("reconstruct", scan, *options, "-o", out)
     assert result.exit_code == 0, result.stderr
     return out, result
@@ -74,8 +76,9 @@ def test_the_report_says_what_was_refined(done):
 
 def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
     loaded = load_scan(scan)
-    some = {"refine_cameras": ["cam02", "cam03", "none"]}
-    outcome = reconstruct(loaded.scaled(2), options=Options(method="sirt", iterations=2, **some))
+    some = {"refine_cameras": ["cam02", "cam03", "none"], "fit_absorption": False}
+    some |= {"method": "sirt", "iterations": 2, "screen": False}
+    outcome = reconstruct(loaded.scaled(2), options=Options(**some))
     report = outcome.report()["refinement"]
     assert report["accepted"] is True
     found = outcome.refined_rig
@@ -90,7 +93,7 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
 
 def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool, scan):
     before = (scan / "rig.yaml").read_bytes()
-    quick = ("--method", "sirt", "--iterations", "2", "--no-pictures", "-o", scan)
+    quick = (*QUICK, "-o", scan)
     refine = ("--refine-cameras", "cam02,cam03,none")
     assert run_tool("reconstruct", scan, *quick, *refine).exit_code == 0
     refined = load_rig(scan / "refined_rig.yaml")

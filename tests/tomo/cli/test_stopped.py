@@ -9,22 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from phantoms import create
-from rigs import ring
-from tomo import VoxelGrid
-from tomo.simulation import simulate_images
-
 ROOT = Path(__file__).parents[3]
-GRID = VoxelGrid((6, 10, 6), 1.0)
-QUICK = ("--method", "sirt", "--iterations", "2", "--no-pictures")
-
-
-@pytest.fixture(scope="module")
-def scan(tmp_path_factory):
-    folder = tmp_path_factory.mktemp("original") / "scan"
-    rig = ring(4, 60.0, 100.0, image_size=(12, 18), footprint=0.8)
-    simulate_images(rig, create("blobs", 1, GRID.extent, GRID.center), GRID).save(folder)
-    return folder
 
 
 def _lines(stderr):
@@ -53,20 +38,22 @@ def _limited(limit, value, *arguments):
     )
 
 
-def test_a_full_disk_is_one_line_that_names_the_file(scan, tmp_path, tmp_path_factory):
+def test_a_full_disk_is_one_line_that_names_the_file(run_tool, original, quick, tmp_path):
+    out = tmp_path / "out"
     # compiled code is on disk before there is a limit
-    _limited("FSIZE", "resource.RLIM_INFINITY", scan, *QUICK, "-o", tmp_path_factory.mktemp("out"))
-    (tmp_path / "report.json").write_text("{}")
-    done = _limited("FSIZE", 3000, scan, *QUICK, "-o", tmp_path)
+    run_tool("reconstruct", original, *quick, "-o", tmp_path / "before")
+    out.mkdir()
+    (out / "report.json").write_text("{}")
+    done = _limited("FSIZE", 3000, original, *quick, "-o", out)
     assert done.returncode == 1
     assert len(_lines(done.stderr)) == 1, done.stderr
-    assert f"error: {tmp_path}" in done.stderr
+    assert f"error: {out}" in done.stderr
     assert ": File too large" in done.stderr
-    assert {path.name for path in tmp_path.iterdir()} == {"report.json", "preview.npz"}
+    assert {path.name for path in out.iterdir()} == {"report.json", "preview.npz"}
 
 
-def test_less_address_space_than_the_libraries_take_is_one_line(scan, tmp_path):
-    done = _limited("AS", 900_000_000, scan, *QUICK, "-o", tmp_path / "out")
+def test_less_address_space_than_the_libraries_take_is_one_line(original, quick, tmp_path):
+    done = _limited("AS", 900_000_000, original, *quick, "-o", tmp_path / "out")
     assert done.returncode == 2
     (line,) = _lines(done.stderr)
     assert line.startswith("error: memory: found an address space of 0.9 GB (ulimit -v)")
@@ -82,13 +69,13 @@ def test_less_address_space_than_the_libraries_take_is_one_line(scan, tmp_path):
     ids=["numpy", "torch", "defect"],
 )
 def test_memory_that_runs_out_is_one_line_and_a_defect_is_not_hidden(
-    run_tool, scan, tmp_path, monkeypatch, lack
+    run_tool, original, quick, tmp_path, monkeypatch, lack
 ):
     def fail(*_, **__):
         raise lack
 
     monkeypatch.setattr("tomo.reconstruct", fail)
-    done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path / "out")
+    done = run_tool("reconstruct", original, *quick, "-o", tmp_path / "out")
     if str(lack) == "a defect":
         assert done.exception is lack
         return
@@ -97,7 +84,7 @@ def test_memory_that_runs_out_is_one_line_and_a_defect_is_not_hidden(
     assert line.startswith("error: memory: found too little left")
 
 
-def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path):
+def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, original, quick, tmp_path):
     code = (
         "import os, signal, sys\n"
         "from rigs.files import atomic_path\n"
@@ -107,12 +94,12 @@ def test_what_a_killed_run_left_is_removed_by_the_next(run_tool, scan, tmp_path)
     )
     subprocess.run([sys.executable, "-c", code, tmp_path / "checkpoint.pt"], cwd=ROOT)
     assert len(list(tmp_path.iterdir())) == 1
-    done = run_tool("reconstruct", scan, *QUICK, "-o", tmp_path)
+    done = run_tool("reconstruct", original, *quick, "-o", tmp_path)
     assert done.exit_code == 0
     assert not [path.name for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
-def test_training_that_diverges_at_once_is_one_line(run_tool, scan, tmp_path):
+def test_training_that_diverges_at_once_is_one_line(run_tool, original, quick, tmp_path):
     from tomo.wernet import Encoder, save_encoder
 
     encoder = Encoder("relative", seed=0)
@@ -122,8 +109,8 @@ def test_training_that_diverges_at_once_is_one_line(run_tool, scan, tmp_path):
     save_encoder(encoder, tmp_path / "encoder.pt")
     how = tmp_path / "how.yaml"
     how.write_text("encoder: encoder.pt\n")
-    options = ("--method", "wernet-paper", "--wernet-settings", how)
-    done = run_tool("reconstruct", scan, *options, "--iterations", "2", "-o", tmp_path / "out")
+    options = (*quick[2:], "--method", "wernet-paper", "--wernet-settings", how)
+    done = run_tool("reconstruct", original, *options, "-o", tmp_path / "out")
     assert done.exit_code == 1
     *_, line = _lines(done.stderr)
     assert line.startswith("error: wernet-paper: epoch 1: loss: found NaN or infinity")
