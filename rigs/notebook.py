@@ -20,7 +20,7 @@ WIDTH, HEIGHT, MARGIN = 300, 220, 26
 MOST_NAMES = 12
 """Cameras whose names stand beside them, from above; of more they lie over each other."""
 
-_SYMBOL = 0.13  # length of a camera's symbol, in distances to the middle
+SYMBOL = 0.13  # length of a camera's symbol, in distances to the middle
 _VOLUME = "#e2582f"
 _LINE = "rgba(128,128,128,.35)"
 
@@ -62,7 +62,7 @@ def drawing(cameras: Sequence[CameraLike], corners: NDArray | None) -> str:
     axes = np.array([camera.R[2] for camera in cameras])
     middle = nearest_point(positions, axes)[0] if corners is None else corners.mean(axis=0)
     distance = float(np.median(np.linalg.norm(positions - middle, axis=1))) or 1.0
-    points = [positions, positions + 2 * _SYMBOL * distance * axes, middle[None]]
+    points = [positions, positions + 2 * SYMBOL * distance * axes, middle[None]]
     points += [] if corners is None else [corners]
     up, sign = upward(cameras)
     first, second = (up + 1) % 3, (up + 2) % 3
@@ -76,7 +76,7 @@ def drawing(cameras: Sequence[CameraLike], corners: NDArray | None) -> str:
     for words, across, upright, signs in views:
         place = _placed(cloud[:, [across, upright]] * signs)
         sides = (0, 1) if upright != up else (2, 3)
-        symbols = _symbols(cameras, sides, _SYMBOL * distance)
+        symbols = _symbols(cameras, sides, SYMBOL * distance)
         drawn = [] if corners is None else [_volume(place(corners[:, [across, upright]] * signs))]
         for camera, symbol in zip(cameras, symbols, strict=True):
             is_named = upright != up and len(cameras) <= MOST_NAMES

@@ -19,9 +19,6 @@ from tomo.model.effect import Effect
 from tomo.model.gauge import without_gauge
 from tomo.model.observation import Observation
 
-ALL = -1
-"""Stands for all views."""
-
 PLAUSIBLE = 4.0
 """Standard deviations of its prior that gas and fall-off have at most: beyond, they explain what
 no voxel can."""
@@ -72,10 +69,11 @@ class Adaptation:
         if largest[OUTSIDE] >= max(largest.values()):
             return self._around(state)
         worst = max((n for n in largest if n != OUTSIDE), key=largest.__getitem__)
-        trials, gas = {}, {effect.name for effect in self.effects if effect.of_gas}
+        gas = {effect.name for effect in self.effects if effect.of_gas}
+        trials: dict[tuple[str, int | None], State] = {}  # None: all views
         for name in sorted({worst, *gas} - {HIDDEN}):
             if (ratio[name] >= 1).mean() > 0.5:
-                trials[name, ALL] = self._loosened(state, name)
+                trials[name, None] = self._loosened(state, name)
         own = {e.name for e in self.effects if not e.shared}
         single = {n: ratio[n] for n in (own | {HIDDEN}) - ({worst} if trials else set())}
         most = max(single, key=lambda name: (single[name].max(), name))

@@ -6,6 +6,7 @@ filtered and judged between solves.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -35,7 +36,7 @@ SMOOTH = 1.0
 """Standard deviation in pixels of the blur of those residuals: light that no volume explains is
 wider than noise."""
 
-INDEPENDENT = 12.6
+INDEPENDENT = round(4 * math.pi * SMOOTH**2, 1)
 """Pixels that a smoothed residual is the mean of: 4 pi squared standard deviations."""
 
 

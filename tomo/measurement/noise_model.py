@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from statistics import NormalDist
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,7 +31,7 @@ def blocks_of(image: NDArray) -> NDArray:
 
 PIXELS_A_LEVEL = 400  # pixels; fewer leave the spread of a level uncertain by more than 8 %
 MOST_LEVELS = 20  # grey levels of the fit; more change nothing
-QUARTER_OF_A_NORMAL = 0.318639  # the lower quartile of |N(0, 1)|
+QUARTER_OF_A_NORMAL = round(NormalDist().inv_cdf(5 / 8), 6)  # the lower quartile of |N(0, 1)|
 REWEIGHTINGS = 4  # of the straight line; it has settled by then
 
 

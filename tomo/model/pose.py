@@ -67,7 +67,7 @@ FIXED = 1e-6
 camera without a lens model cannot do."""
 
 LATTICE = 5
-"""Points along each edge of the grid by which a walk behind glass is compared with others."""
+"""Points along each edge of the grid whose images say how a camera moved."""
 
 
 @dataclass(frozen=True)

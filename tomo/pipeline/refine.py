@@ -15,11 +15,8 @@ from rigs.scene.scene_camera import own_camera
 from tomo.grid import VoxelGrid
 from tomo.inference.left_out import LeftOut
 from tomo.model import Observation, Pose
-from tomo.model.pose import stated_errors
+from tomo.model.pose import LATTICE, stated_errors
 from tomo.scan import Scan
-
-POINTS = 5
-"""Points along each edge of the grid whose images say how far a camera moved."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +109,7 @@ class Refinement:
 
     def _moved(self, name: str) -> float:
         """Return how far the images of points of the grid moved, root mean square, in pixels."""
-        points = box_points(self.grid.lower, self.grid.upper, POINTS)
+        points = box_points(self.grid.lower, self.grid.upper, LATTICE)
         (here, _, seen), (there, _, too) = (
             rig[name].project(points) for rig in (self.given, self.rig)
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -17,7 +18,7 @@ from tomo.uncertainty import summaries
 from tomo.uncertainty.moved import Moved, learned
 
 LEVEL = 0.9
-NORMAL = 1.645
+NORMAL = round(NormalDist().inv_cdf((1 + LEVEL) / 2), 3)
 """Half-width of the normal distribution's interval of `LEVEL`, in standard deviations."""
 
 DETAIL = 1.6

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ from rigs.calibrate.adjust.observation_arrays import (
 )
 
 LEAST_POINTS = 6  # of an image; fewer leave the pose to the noise
-_RAYLEIGH_MEDIAN = 1.1774  # median length of a 2-D normal residual, in standard deviations
+_RAYLEIGH_MEDIAN = round(math.sqrt(2 * math.log(2)), 4)  # of a 2-D normal residual's length
 _HUBER = 3.0  # standard deviations, beyond which the loss is linear
 _LEAST_NOISE = 1e-3  # pixels; below it exact data would show rounding as outliers
 _POINT_LIMIT = 12.0  # residual length in standard deviations; less would cull good points

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rigs import CameraLike, Rig
+from rigs.geometry.points import ALONG
 from tomo.draw.page import embedded
 from tomo.draw.rig.rig_scene import Target, colour_of, up_of
 from tomo.draw.scene import Colour
 from tomo.draw.shapes import BOX_EDGES, box_corners
 from tomo.grid import VoxelGrid
 
-_ALONG = 9  # points of a projected edge: a lens bends it
 _CELLS = (3, 6, 12, 24, 48)  # along a side
 
 
@@ -80,7 +80,7 @@ def camera_views(
 def box_edges(camera: CameraLike, grid: VoxelGrid) -> Iterator[NDArray[np.float64]]:
     """Yield the pixels ``(points, 2)`` of the edges of a grid's box that the lens maps."""
     corners = box_corners(grid.lower, grid.upper)
-    fraction = np.linspace(0, 1, _ALONG)[:, None]
+    fraction = np.linspace(0, 1, ALONG)[:, None]
     for one, other in BOX_EDGES:
         uv, _, valid = camera.project(corners[one] + fraction * (corners[other] - corners[one]))
         if valid.all():

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rigs import CameraLike, Rig, nearest_point
-from rigs.notebook import upward
+from rigs.notebook import SYMBOL, upward
 from rigs.scene.scene_camera import own_camera
 from tomo.draw import shapes
 from tomo.draw.frame import EYE, Up
@@ -16,7 +16,6 @@ from tomo.draw.rig.surroundings import bent_line, solids_scene
 from tomo.draw.scene import Colour, Label, Mesh, Scene, as_colour, rgb
 from tomo.grid import VoxelGrid, grid_of_rig
 
-_SYMBOL_LENGTH = 0.13  # of a camera's symbol, in distances to the target
 _SYMBOL_SPREAD = 0.38  # least tangent of the symbol's half diagonal: telelenses would be needles
 _LEVEL_WITHIN = 5.0  # degrees of elevation that still count as level
 _COLOURS = {"above": rgb("#c2500f"), "level": rgb("#1f6fb2"), "below": rgb("#12826a")}
@@ -157,7 +156,7 @@ def on_symbol(camera: CameraLike, directions: NDArray, length: float) -> NDArray
 
 def symbol_length(rig: Rig, target: Target) -> float:
     """Return the length of the cameras' symbols."""
-    return _SYMBOL_LENGTH * typical_distance(rig, target)
+    return SYMBOL * typical_distance(rig, target)
 
 
 def typical_distance(rig: Rig, target: Target) -> float:
@@ -171,7 +170,7 @@ def _camera_scene(camera: CameraLike, target: Target, typical: float, up: Up) ->
     _, colour = colour_of(camera, target, up)
     position, forward = camera.position, camera.R[2]
     per_side = 1 if camera.is_pinhole else 6
-    length, thick = _SYMBOL_LENGTH * typical, 0.0028 * typical
+    length, thick = SYMBOL * typical, 0.0028 * typical
     border = frustum(camera, length, per_side, symbol_widening(camera))
     corners = border[::per_side]
     wires = shapes.join(
