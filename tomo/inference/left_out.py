@@ -25,9 +25,10 @@ WORSE = 2.0
 """The same, by which an effect that is let loose predicts worse: it is not taken. Less, hidden
 pixels are not found, which gains make good; more, gains are taken that stand for hidden pixels."""
 
-ONE_SIDED = 0.15
+ONE_SIDED = 0.07
 """Smaller of the squares of what is too bright and too dark in a view, over both, below which
-something shines into it or hides a part. Other flames have 0.3, a ghost or a frame below 0.1."""
+something shines into it or hides a part. Larger, other moments count as that; smaller, hardware
+before a view counts as another flame."""
 
 COMPARED = 8
 """Views that a doubtful one is compared with. Fewer, their spread is not known; more take time."""
