@@ -24,7 +24,9 @@ def check_options(
 ) -> None:
     """Raise unless the options of `rigs.calibrate.calibrate` suit such cameras and frames."""
     if distortion != "auto" and distortion not in TERMS:
-        raise ValueError(f"distortion: found {distortion!r}, expected auto or {', '.join(TERMS)}")
+        raise ValueError(
+            f"distortion: found {distortion!r}, expected one of auto, {', '.join(TERMS)}"
+        )
     if not isinstance(length_unit, str) or not length_unit.strip():
         raise ValueError(f"length_unit: found {length_unit!r}, expected a unit, like mm")
     ambiguity = getattr(target, "ambiguity", None)

@@ -22,7 +22,7 @@ from tomo.inference.left_out import (
     predict_left_out,
     without_left_out,
 )
-from tomo.inference.scores import FALSE_ALARMS, Scores
+from tomo.inference.scores import Scores
 from tomo.inference.solve import first_fits
 from tomo.inference.state import HIDDEN, State, corrected
 from tomo.model import Gain
@@ -179,7 +179,7 @@ def _wrong_view(state: State, given: State, scores: Scores) -> int | None:
     others, doubt = taking_part & (doubt == 0), doubt * taking_part
     if taking_part.sum() > FEWEST_VIEWS:
         for view in np.argsort(-doubt, kind="stable")[: np.count_nonzero(doubt)]:
-            if contradicts(state.fits, scores.exact, view, others, FALSE_ALARMS / len(doubt)):
+            if contradicts(state.fits, scores.exact, int(view), others):
                 return int(view)
     return None
 

@@ -9,7 +9,6 @@ from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.special import stdtrit
 
 from tomo.inference.fit import Fit
 from tomo.inference.solve import fitted_from_even
@@ -30,8 +29,12 @@ ONE_SIDED = 0.07
 something shines into it or hides a part. Larger, other moments count as that; smaller, hardware
 before a view counts as another flame."""
 
+FAR_WORSE = 2.0
+"""Squared error of a view over the upper quartile of others', from which it shows another flame.
+Lower, views are lost that are corrected but for a part; higher, moments that are nearly alike."""
+
 COMPARED = 8
-"""Views that a doubtful one is compared with. Fewer, their spread is not known; more take time."""
+"""Views that a doubtful one is compared with. Fewer: their quartile is chance; more take time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,17 +91,10 @@ class Predicting(Protocol):
 
 
 def predict_left_out(given: Predicting, corrected: Predicting) -> LeftOut:
-    """Return how states of the same frames predict left-out pixels.
-
-    Those of views count of which both use the same pixels: where one does without the worst
-    pixels of a view, their neighbours, no better, are predicted worse.
-    """
-    squares, one = _squares(given.fits), given.fits[0]
+    """Return how states of the same frames predict left-out pixels; those count that both use."""
+    squares = _squares(given.fits)
     out = blocks_to_leave_out(squares)
-    used = [np.all([fit.usable for fit in state.fits], axis=0) for state in (given, corrected)]
-    counts = np.diff(one.system.projector.view_ptr)
-    same = np.repeat(one.view_sums((used[0] != used[1]).astype(np.float64)) == 0, counts)
-    both = out & used[0] & same
+    both = out & np.all([one.usable for one in (*given.fits, *corrected.fits)], axis=0)
     block = np.unique(squares[both], return_inverse=True)[1]
     before, after = (one.left_out_errors[both] for one in (given, corrected))
     before, after = (np.bincount(block, own).astype(np.float64) for own in (before, after))
@@ -132,16 +128,12 @@ def squared_errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
 
 
 def contradicts(
-    fits: Sequence[Fit],
-    exact: Sequence[Fit],
-    view: int,
-    others: NDArray[np.bool_],
-    chance: float,
+    fits: Sequence[Fit], exact: Sequence[Fit], view: int, others: NDArray[np.bool_]
 ) -> bool:
-    """Return whether a view shows another flame than the others, but for a ``chance``.
+    """Return whether a view shows another flame than the others.
 
-    It is predicted worse than others are, and is both too bright and too dark: what shines into
-    a view only adds light to it, and what hides a part only takes some.
+    It is predicted far worse than most others are, and is both too bright and too dark: what
+    shines into a view only adds light to it, and what hides a part only takes some.
 
     Parameters
     ----------
@@ -150,12 +142,6 @@ def contradicts(
     others : (views,) bool
         Those to compare with, of which up to `COMPARED` are. Each is predicted without the view,
         and without itself.
-
-    Notes
-    -----
-    The error of one more view exceeds the median of ``n`` by ``t s (1 + 1/n)^½`` by that chance,
-    with ``s`` their standard deviation, found from the median deviation, and ``t`` the quantile
-    of Student's distribution.
     """
     some = np.flatnonzero(others)
     some = some[np.linspace(0, len(some) - 1, min(COMPARED, len(some))).round().astype(int)]
@@ -163,12 +149,9 @@ def contradicts(
     error = too_bright + too_dark
     if len(some) < 2 or min(too_bright, too_dark) < ONE_SIDED * error:
         return False
-    usual = np.array([sum(_squares_of_prediction(fits, one, [view, one])) for one in some])
-    middle = np.median(usual)
-    spread = 1.4826 * np.median(np.abs(usual - middle)) * math.sqrt(1 + 1 / len(some))
-    least = middle - stdtrit(len(some) - 1, chance) * spread
+    usual = [sum(_squares_of_prediction(fits, one, [view, one])) for one in some]
     missed = (1 + DETAIL) ** 2 * sum(_squares_of_prediction(exact, view, [view]))
-    return bool(error - missed > least)
+    return bool(error - missed > FAR_WORSE * np.percentile(usual, 75))
 
 
 def _squares_of_prediction(
