@@ -10,6 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.inference import misplaced
 from tomo.inference.fit import Fit
 from tomo.inference.solve import fitted_from_even
 from tomo.inference.steps import DETAIL
@@ -29,12 +30,8 @@ ONE_SIDED = 0.07
 something shines into it or hides a part. Larger, other moments count as that; smaller, hardware
 before a view counts as another flame."""
 
-FAR_WORSE = 2.0
-"""Squared error of a view over the upper quartile of others', from which it shows another flame.
-Lower, views are lost that are corrected but for a part; higher, moments that are nearly alike."""
-
 COMPARED = 8
-"""Views that a doubtful one is compared with. Fewer: their quartile is chance; more take time."""
+"""Views that a doubtful one is compared with. Fewer: a quarter of them is chance; more: time."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,9 +146,13 @@ def contradicts(
     error = too_bright + too_dark
     if len(some) < 2 or min(too_bright, too_dark) < ONE_SIDED * error:
         return False
-    usual = [sum(_squares_of_prediction(fits, one, [view, one])) for one in some]
-    missed = (1 + DETAIL) ** 2 * sum(_squares_of_prediction(exact, view, [view]))
-    return bool(error - missed > FAR_WORSE * np.percentile(usual, 75))
+    error -= (1 + DETAIL) ** 2 * sum(_squares_of_prediction(exact, view, [view]))
+    left = len(some) // 4  # of the views that may be predicted nearly as badly
+    for one in some:
+        left -= sum(_squares_of_prediction(fits, one, [view, one])) >= misplaced.BETTER * error
+        if left < 0:
+            return False
+    return True
 
 
 def _squares_of_prediction(
