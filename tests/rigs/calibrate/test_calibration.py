@@ -264,7 +264,7 @@ def test_names_and_models_that_do_not_fit(arc_case):
     ):
         calibrate(observations, intrinsics=small)
     table = RayTable("cam00", (0, 0, 0), np.ones((480, 640, 3)))
-    with pytest.raises(ValueError, match="intrinsics: camera cam00: found a table of rays"):
+    with pytest.raises(ValueError, match="intrinsics: camera cam00: found a ray table"):
         calibrate(observations, intrinsics=Rig((table, *truth.rig.cameras[1:])))
     with pytest.raises(ValueError, match="rescale"):
         calibrate(observations, rescale=True)

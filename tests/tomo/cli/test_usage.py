@@ -28,7 +28,7 @@ def test_the_line_names_the_option_what_was_found_and_expected(refused, argument
 @pytest.mark.parametrize(
     ("options", "words"),
     [
-        (("--model", "foo"), "distortion: found 'foo', expected auto or none"),
+        (("--model", "foo"), "distortion: found 'foo', expected one of auto, none"),
         (("--length-unit", ""), "length_unit: found '', expected a unit"),
         (("--world", "c"), "world: found 'c', expected the name of a camera"),
         (("--rescale",), "rescale: found True, expected world to give positions"),
