@@ -16,12 +16,7 @@ from rigs.progress import Progress
 from tomo.grid import ActiveVoxels
 from tomo.inference.adaptation import Adaptation
 from tomo.inference.fit import Fit
-from tomo.inference.left_out import (
-    LeftOut,
-    contradicts,
-    predict_left_out,
-    without_left_out,
-)
+from tomo.inference.left_out import LeftOut, contradicts, predict_left_out, without_left_out
 from tomo.inference.scores import Scores
 from tomo.inference.solve import first_fits
 from tomo.inference.state import HIDDEN, State, corrected

@@ -31,7 +31,7 @@ something shines into it or hides a part. Larger, other moments count as that; s
 before a view counts as another flame."""
 
 COMPARED = 8
-"""Views that a doubtful one is compared with. Fewer: a quarter of them is chance; more: time."""
+"""Views that a doubtful one is compared with. With fewer, chance decides; more take longer."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -50,7 +50,8 @@ def doubles(images: Sequence[NDArray[np.floating]]) -> list[tuple[int, int]]:
 
 BETTER = 0.5
 """Squared error of a prediction over that by the image as it is, from which another orientation,
-or another camera's image, is taken for the right one."""
+or another camera's image, is taken for the right one; also that of most other views over a
+view's own, below which it shows another flame (`tomo.inference.left_out`)."""
 
 DOUBTED = 0.05
 """Fraction of a view's lit pixels that lost their weight from which it is looked at: an image in

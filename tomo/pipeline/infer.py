@@ -205,9 +205,9 @@ def _corrections(found: Inference, copy: CoarseCopy, whole: Observation) -> Corr
     lost = fit.system.images((~fit.usable).astype(np.float32))
     for view in np.flatnonzero(found.state.hidden):
         shape = whole.masks[whole.rig.names.index(names[view])].shape
-        untrusted[names[view]] = np.ones(shape, bool)
-        if found.state.takes_part(int(view)):
-            untrusted[names[view]] = copy.enlarged(lost[view] > 0, shape)
+        part = found.state.takes_part(int(view))
+        gone = copy.enlarged(lost[view] > 0, shape) if part else np.ones(shape, bool)
+        untrusted[names[view]] = gone
     seen = replace(fit.observation.in_powers_of_two(-copy.power), grid=whole.grid)
     for effect in found.effects:
         if effect.field_of is not None and found.state.values[effect.name].any():

@@ -58,7 +58,7 @@ def as_warning(step: str, warnings: list[str]) -> Iterator[None]:
 
 
 class Pace:
-    """The stages of some work as they begin, with the seconds of each; progress is told of them.
+    """The stages of some work as they begin, with the seconds of each, reported as progress.
 
     Nothing is known of the whole until seconds are expected of its stages. Those to come are
     expected to take so much longer, or shorter, as those that are over did; the stage at work goes

@@ -63,7 +63,7 @@ class Ahead:
     def preview(self, outcome: Reconstruction) -> Future[Picture] | None:
         """Write and say a preview; return what its picture is waited for by, if one is drawn."""
         volume, figures, _ = (self.folder / name for name in PREVIEW_FILES)
-        write_with_units(volume, outcome.volume)
+        write_with_units(volume, outcome.volume, allow_nan=True)
         write_json(figures, outcome.report(), indent=2)
         self.say(outcome.answer.sentence)
         self._complete(volume.name, outcome, "a preview")

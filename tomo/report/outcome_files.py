@@ -135,8 +135,8 @@ def write_volumes(folder: str | os.PathLike, outcome: Reconstruction) -> None:
         _write_volumes(staging, VOLUME_FILES, outcome.volume)
 
 
-def write_with_units(path: Path, volume: Volume, allow_nan: bool = True) -> None:
-    """Write a volume with its own grid and units; voxels that no camera sees may be NaN."""
+def write_with_units(path: Path, volume: Volume, *, allow_nan: bool = False) -> None:
+    """Write a volume with its own grid and units; voxels may be NaN where that is allowed."""
     units = {"length_unit": volume.length_unit, "value_unit": volume.value_unit}
     write_volume(path, volume, volume.grid, **units, allow_nan=allow_nan)
 

@@ -56,11 +56,11 @@ def test_what_is_known_is_not_drawn_again(outcome):
 
 
 def test_it_is_asked_in_order_and_what_follows_is_done_by_then(artist):
-    told = []
-    first = artist.ask(int, "7", then=told.append)
-    second = artist.ask(os.getpid, then=told.append)
+    reported = []
+    first = artist.ask(int, "7", then=reported.append)
+    second = artist.ask(os.getpid, then=reported.append)
     assert second.result() != os.getpid()
-    assert told == [first.result(), second.result()]
+    assert reported == [first.result(), second.result()]
 
 
 def test_errors_come_back(artist):
