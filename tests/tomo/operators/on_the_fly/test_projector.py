@@ -134,7 +134,7 @@ def test_same_bits_on_any_number_of_threads(pair, on_threads):
     x = random.random(flying.shape[1]).astype(np.float32)
     y = random.random(flying.shape[0]).astype(np.float32)
     results = []
-    for threads in range(1, numba.get_num_threads() + 1):
+    for threads in range(1, numba.config.NUMBA_NUM_THREADS + 1):
         with on_threads(threads):
             results.append((flying @ x, flying.T @ y))
     for images, volume in results[1:]:
