@@ -52,7 +52,7 @@ def test_a_run_that_ends_again_and_again_goes_on_to_the_same_bits(
 ):
     done = []
     block = BLOCK + len(FIGURES) + len(CAMERA_FIGURES) + 1  # files: volumes, figures, its record
-    for count in (1, 8, 14, block, 3, 8):
+    for count in (3, 14, block, 8):
         stop_after(count)
         with pytest.raises(StoppedError):
             run_plan(plan, store)
@@ -60,7 +60,7 @@ def test_a_run_that_ends_again_and_again_goes_on_to_the_same_bits(
         for place in np.flatnonzero(complete):
             assert np.array_equal(store.volume(place), undisturbed.volume(place))
         done.append(int(complete.sum()))
-    assert done == [0, 0, 0, 8, 8, 8]
+    assert done == [0, 0, 8, 8]
     stop_after(-1)
     run_plan(plan, store)
     assert_same(store, undisturbed)

@@ -89,8 +89,8 @@ def test_dark_frames_are_dark_volumes(film, tmp_path):
 @pytest.mark.parametrize(
     "options",
     [
-        Options(frames="0:9", method="mlem", iterations=15),
-        Options(frames="0:9", basis="voxel", screen=False),
+        Options(frames="0:3", method="mlem", iterations=15),
+        Options(frames="0:3", basis="voxel", screen=False),
         Options(frames="0:3", skip=False, fit_gain=True, iterations=8, screen=False),
         Options(
             frames="0:2",
