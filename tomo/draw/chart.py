@@ -10,12 +10,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-BINS = 400
-"""Points of time along a chart, each with its lowest and highest value: about the pixels that a
-chart has."""
-
 WIDE, HIGH = 1000, 100
-"""Units of a chart's own coordinates."""
+"""Units of a chart's own coordinates, about as many as its pixels."""
 
 COLOURS = (
     "#1f6fb2", "#b3480c", "#2e7d4f", "#8a3ca5", "#a58a00", "#c2255c",
@@ -82,7 +78,7 @@ def chart(
 def polylines(heights: NDArray[np.float64]) -> tuple[str, ...]:
     """Return the polylines of heights between 0 and 1; the lowest and highest of every bin."""
     count = len(heights)
-    edges = np.linspace(0, count, min(count, BINS) + 1).round().astype(int)
+    edges = np.linspace(0, count, min(count, WIDE) + 1).round().astype(int)
     lines: list[str] = []
     points: list[str] = []
     for start, stop in itertools.pairwise(edges.tolist()):

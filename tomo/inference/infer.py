@@ -31,6 +31,10 @@ FEWEST_VIEWS = 3
 ROUNDS = 8
 """Effects that are let loose, one after the other. More take longer where cameras all err."""
 
+PATIENCE = 3
+"""Effects in a row that predict left-out pixels not clearly better, after which none is looked
+for. Fewer, what hides another is lost; more take longer where voxels do not resolve a flame."""
+
 
 @dataclass(frozen=True, eq=False)
 class Inference:
@@ -120,10 +124,11 @@ def infer(
         if left_out.is_better:
             state, refined = adaptation.relaxed(loose), refine
             kept = {name: one | refine.get(name, False) for name, one in kept.items()}
-    given, state = state, _searched(state, scores, adaptation, progress)
+    given = state
+    state, doubt = _searched(given, scores, adaptation, progress)
     if state is not given:
         state = adaptation.pruned(state, kept)
-    wrong = _wrong_view(state, given, scores)
+    wrong = _wrong_view(state, doubt, scores)
     if wrong is not None:
         rest = [one.without(wrong) for one in frames]
         found = infer(rest, effects, active, asked, look_outside, None, refine, progress)
@@ -140,8 +145,11 @@ def infer(
 
 def _searched(
     given: State, scores: Scores, adaptation: Adaptation, progress: Progress | None
-) -> State:
-    """Return the state with all effects that exceed their null, but for those that mislead."""
+) -> tuple[State, NDArray[np.intp]]:
+    """Return the state with all effects that exceed their null, but for those that mislead.
+
+    And how many effects of single views were tried in each view, ``(views,)``.
+    """
     tested = len(scores.effects)
 
     def tell(done: int, where: str) -> None:
@@ -150,26 +158,27 @@ def _searched(
 
     state, ratio = given, scores.ratios(given, tell)
     barred: set[str] = set()
+    doubt, in_vain = np.zeros(len(given.hidden), int), 0
     for number in range(ROUNDS):
         tell(tested + number, "what is found")
         if max(float(one.max()) for one in ratio.values()) < 1:
             break
         found = adaptation.adapted(state, ratio)
-        if predict_left_out(state, found).misleads:
+        doubt += found.views_looser_than(state)
+        judged = predict_left_out(state, found)
+        in_vain = 0 if judged.is_clearly_better else in_vain + 1
+        if in_vain == PATIENCE:
+            break
+        if not judged.is_better:
             barred |= found.looser_than(state)
         else:
             state, ratio = found, scores.ratios(found)
         ratio |= {name: np.zeros_like(ratio[name]) for name in barred}
-    return state
+    return state, doubt
 
 
-def _wrong_view(state: State, given: State, scores: Scores) -> int | None:
+def _wrong_view(state: State, doubt: NDArray[np.intp], scores: Scores) -> int | None:
     """Return a view that contradicts the others even where it hides nothing, the worst, if any."""
-    doubt = state.hidden.astype(int)
-    for name, free in state.free.items():
-        own = (free & ~given.free[name]).any(axis=1)
-        if own.mean() <= 0.5:  # what most views have is no doubt about one
-            doubt += own
     taking_part = np.array([state.takes_part(view) for view in range(len(doubt))])
     others, doubt = taking_part & (doubt == 0), doubt * taking_part
     if taking_part.sum() > FEWEST_VIEWS:

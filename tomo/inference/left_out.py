@@ -17,13 +17,13 @@ from tomo.inference.steps import DETAIL
 from tomo.measurement.noise_model import SIDE
 from tomo.selection.folds import blocks_to_leave_out
 
-BETTER = 0.5
-"""Standard errors of the squares' differences by which a correction predicts better. Less, poses
-that voxels made of turbulence are kept; more, real ones of cameras that all err are lost."""
+FOLDS = 2
+"""Eighths of the squares that are predicted, each from the rest. Fewer leave more to chance; more
+take longer."""
 
-WORSE = 2.0
-"""The same, by which an effect that is let loose predicts worse: it is not taken. Less, hidden
-pixels are not found, which gains make good; more, gains are taken that stand for hidden pixels."""
+NEGLIGIBLE = 0.005
+"""Fraction of the squares that a correction has to explain beside chance. Less, the many views of
+a flame finer than voxels are corrected for nothing; more, faults of one view of many stay."""
 
 ONE_SIDED = 0.07
 """Smaller of the squares of what is too bright and too dark in a view, over both, below which
@@ -61,18 +61,17 @@ class LeftOut:
     def score(self) -> float:
         """By how many standard errors of the squares' differences the correction is better."""
         less = self.before - self.after
-        spread = math.sqrt(len(less)) * less.std() if len(less) else 0.0
+        chance = math.sqrt(len(less)) * less.std() if len(less) else 0.0
+        spread = math.hypot(chance, NEGLIGIBLE * self.before.sum())
         return float(less.sum() / spread) if spread > 0 else 0.0
 
     @property
     def is_clearly_better(self) -> bool:
-        """Whether it predicts better by more than `BETTER`: what was not asked for has to."""
-        return self.score > BETTER
+        """Whether it predicts better by more than a standard error: what was not asked for has to.
 
-    @property
-    def misleads(self) -> bool:
-        """Whether it predicts worse by more than `WORSE`."""
-        return self.score < -WORSE
+        The rule of `tomo.selection.folds.surely_lower`.
+        """
+        return self.score > 1
 
 
 class Predicting(Protocol):
@@ -90,8 +89,8 @@ class Predicting(Protocol):
 def predict_left_out(given: Predicting, corrected: Predicting) -> LeftOut:
     """Return how states of the same frames predict left-out pixels; those count that both use."""
     squares = _squares(given.fits)
-    out = blocks_to_leave_out(squares)
-    both = out & np.all([one.usable for one in (*given.fits, *corrected.fits)], axis=0)
+    used = np.all([one.usable for one in (*given.fits, *corrected.fits)], axis=0)
+    both = _left_out(squares) & used
     block = np.unique(squares[both], return_inverse=True)[1]
     before, after = (one.left_out_errors[both] for one in (given, corrected))
     before, after = (np.bincount(block, own).astype(np.float64) for own in (before, after))
@@ -100,11 +99,17 @@ def predict_left_out(given: Predicting, corrected: Predicting) -> LeftOut:
 
 def without_left_out(fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return fits that do not use the pixels that are left out."""
-    kept = ~blocks_to_leave_out(_squares(fits))
-    return tuple(
-        replace(one, usable=one.usable & kept, trust=np.where(kept, one.trust, 0.0))
-        for one in fits
-    )
+    out = _left_out(_squares(fits))
+    return tuple(_without(one, out) for one in fits)
+
+
+def _without(fit: Fit, out: NDArray[np.bool_]) -> Fit:
+    return replace(fit, usable=fit.usable & ~out, trust=np.where(out, 0.0, fit.trust))
+
+
+def _left_out(squares: NDArray[np.intp]) -> NDArray[np.bool_]:
+    """Return which pixels are left out once, ``(pixels,)``."""
+    return np.any([blocks_to_leave_out(squares, number) for number in range(FOLDS)], axis=0)
 
 
 def _squares(fits: Sequence[Fit]) -> NDArray[np.intp]:
@@ -113,15 +118,17 @@ def _squares(fits: Sequence[Fit]) -> NDArray[np.intp]:
 
 
 def squared_errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
-    """Return the squared errors of fits without left-out pixels, over the images' mean square.
+    """Return the squared errors of left-out pixels, ``(pixels,)``, over the images' mean square.
 
-    Usable pixels count alike, as in the solve that the effects are found for.
+    Each is predicted from all pixels but its fold's. Usable pixels count alike, as in the solve
+    that the effects are found for.
     """
-    errors, energy = np.zeros(len(fits[0].measured)), 0.0
-    for fit in without_left_out(fits):
-        errors += np.square(fitted_from_even(fit).residual)
-        energy += float(np.mean(np.square(fit.measured)))
-    return errors / (energy or 1.0)
+    errors, squares = np.zeros(len(fits[0].measured)), _squares(fits)
+    for number in range(FOLDS):
+        out = blocks_to_leave_out(squares, number)
+        for fit in fits:
+            errors[out] += np.square(fitted_from_even(_without(fit, out)).residual[out])
+    return errors / (sum(float(np.mean(np.square(fit.measured))) for fit in fits) or 1.0)
 
 
 def contradicts(

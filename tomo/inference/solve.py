@@ -35,8 +35,9 @@ PROBES = 4
 """Draws of noise that tell how far it pushes a field. Fewer, the limit is known to some per cent;
 more take longer."""
 
-SOLVES = 2
-"""Solves from an even volume. After one its prior, relative to the volume, is still even."""
+SOLVES = 4
+"""Solves from an even volume. Fewer leave more of what is left out to the solve than to faults;
+more take longer."""
 
 FIRST, THEN = 8, 16
 """Iterations of MLEM at the start, and of conjugate gradients of every solve."""

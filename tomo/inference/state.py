@@ -50,6 +50,15 @@ class State:
         )
         return names
 
+    def views_looser_than(self, before: State) -> NDArray[np.intp]:
+        """Return how many effects are loose in each view that were not, ``(views,)``.
+
+        Those that most views have are left out: they are no doubt about one.
+        """
+        now = [(free & ~before.free[n]).any(axis=1) for n, free in self.free.items()]
+        now.append(self.hidden & ~before.hidden)
+        return np.sum([one for one in now if one.mean() <= 0.5], axis=0, dtype=np.intp)
+
     @cached_property
     def left_out_errors(self) -> NDArray[np.float64]:
         """The squared errors of left-out pixels, ``(pixels,)``: see `squared_errors`."""

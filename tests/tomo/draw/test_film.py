@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from tomo.draw import Scene
-from tomo.draw.chart import BINS, HIGH, WIDE, chart, polylines
+from tomo.draw.chart import HIGH, WIDE, chart, polylines
 from tomo.draw.film import film_of
 from tomo.draw.stage import fitting, stage
 from tomo.draw.volume.isosurface import reference_value
@@ -64,7 +64,7 @@ def test_curves_have_few_points_and_lose_no_extreme():
     heights[77_777] = 1.0
     (line,) = polylines(heights)
     points = np.array([one.split(",") for one in line.split()], float)
-    assert len(points) <= 2 * BINS
+    assert len(points) <= 2 * WIDE
     assert points[:, 1].min() == 0
     assert points[points[:, 1].argmin(), 0] == pytest.approx(0.77777 * WIDE, abs=0.1)
     assert points[:, 1].max() == HIGH / 2

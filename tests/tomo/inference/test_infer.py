@@ -219,7 +219,7 @@ def test_what_predicts_left_out_pixels_worse_is_not_taken(shifted, monkeypatch):
         "tomo.inference.infer.predict_left_out",
         lambda before, after: judged.append(after) or worse,
     )
-    assert worse.misleads
+    assert not worse.is_better
     found = infer([shifted], OWN)
     assert named(found) == {}
     assert 1 < len(judged) <= 8

@@ -88,10 +88,10 @@ def test_constants_are_set_for_a_while_wherever_they_were_imported():
     with patches.patched(patches.parsed(["tomo.pipeline.methods.AUTO=other"], "--set")):
         assert methods.AUTO == solve.AUTO == "other"
     assert methods.AUTO == solve.AUTO == before
-    placed, left_out = map(import_module, ("tomo.inference.misplaced", "tomo.inference.left_out"))
-    assert placed.BETTER == left_out.BETTER == 0.5
-    with patches.patched({"tomo.inference.left_out.BETTER": 0.4}):
-        assert (placed.BETTER, left_out.BETTER) == (0.5, 0.4)
+    smart, learned = map(import_module, ("tomo.solvers.smart", "tomo.pipeline.learned_weights"))
+    assert smart.FAINTEST == learned.FAINTEST == 1e-3
+    with patches.patched({"tomo.solvers.smart.FAINTEST": 0.4}):
+        assert (smart.FAINTEST, learned.FAINTEST) == (0.4, 1e-3)
     with (
         pytest.raises(ValueError, match=r"--set: found 'tomo\.solvers\.nothing\.X'"),
         patches.patched({"tomo.solvers.nothing.X": 1}),
