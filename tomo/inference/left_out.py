@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 from tomo.inference import misplaced
 from tomo.inference.fit import Fit
 from tomo.inference.solve import fitted_from_even
-from tomo.inference.steps import DETAIL
 from tomo.measurement.noise_model import SIDE
 from tomo.selection.folds import blocks_to_leave_out
 
@@ -142,7 +141,8 @@ def contradicts(
     Parameters
     ----------
     exact : sequence of Fit
-        A scene like this one as exact cameras see it: what these miss, no other view shows.
+        A scene like this one as exact cameras see it. A view that is predicted worse than another
+        there, since no other looks from its side, may be so by as much.
     others : (views,) bool
         Those to compare with, of which up to `COMPARED` are. Each is predicted without the view,
         and without itself.
@@ -153,10 +153,12 @@ def contradicts(
     error = too_bright + too_dark
     if len(some) < 2 or min(too_bright, too_dark) < ONE_SIDED * error:
         return False
-    error -= (1 + DETAIL) ** 2 * sum(_squares_of_prediction(exact, view, [view]))
+    expected = sum(_squares_of_prediction(exact, view, [view]))
     left = len(some) // 4  # of the views that may be predicted nearly as badly
     for one in some:
-        left -= sum(_squares_of_prediction(fits, one, [view, one])) >= misplaced.BETTER * error
+        other = sum(_squares_of_prediction(fits, one, [view, one]))
+        easier = sum(_squares_of_prediction(exact, one, [view, one]))
+        left -= other * max(expected / max(easier, 1e-300), 1.0) >= misplaced.BETTER * error
         if left < 0:
             return False
     return True

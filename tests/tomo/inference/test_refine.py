@@ -103,7 +103,7 @@ def test_left_out_pixels_do_not_take_part(observed):
     random = np.random.default_rng(0).random(len(trained.measured))
     other = np.where(trained.usable, trained.measured, random)
     one, changed = (next_fit(fit) for fit in (trained, replace(trained, measured=other)))
-    assert 0.1 < 1 - trained.usable.mean() < 0.15
+    assert 0.2 < 1 - trained.usable.mean() < 0.3
     np.testing.assert_allclose(changed.unknowns, one.unknowns, atol=1e-9)
     state = State(fits, {}, {}, np.zeros(6, bool))
     same = predict_left_out(state, state)
