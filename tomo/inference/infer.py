@@ -183,7 +183,7 @@ def _wrong_view(state: State, doubt: NDArray[np.intp], scores: Scores) -> int | 
     others, doubt = taking_part & (doubt == 0), doubt * taking_part
     if taking_part.sum() > FEWEST_VIEWS:
         for view in np.argsort(-doubt, kind="stable")[: np.count_nonzero(doubt)]:
-            if contradicts(state.fits, scores.exact, int(view), others):
+            if contradicts(state.fits, scores.null, int(view), others):
                 return int(view)
     return None
 

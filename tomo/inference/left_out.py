@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tomo.inference import misplaced
 from tomo.inference.fit import Fit
 from tomo.inference.solve import fitted_from_even
+from tomo.inference.steps import Null
 from tomo.measurement.noise_model import SIDE
 from tomo.selection.folds import blocks_to_leave_out
 
@@ -131,7 +132,7 @@ def squared_errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
 
 
 def contradicts(
-    fits: Sequence[Fit], exact: Sequence[Fit], view: int, others: NDArray[np.bool_]
+    fits: Sequence[Fit], null: Null | None, view: int, others: NDArray[np.bool_]
 ) -> bool:
     """Return whether a view shows another flame than the others.
 
@@ -140,9 +141,8 @@ def contradicts(
 
     Parameters
     ----------
-    exact : sequence of Fit
-        A scene like this one as exact cameras see it. A view that is predicted worse than another
-        there, since no other looks from its side, may be so by as much.
+    null : Null, optional
+        Scenes like this one as exact cameras see them: what these miss, no other view shows.
     others : (views,) bool
         Those to compare with, of which up to `COMPARED` are. Each is predicted without the view,
         and without itself.
@@ -153,12 +153,11 @@ def contradicts(
     error = too_bright + too_dark
     if len(some) < 2 or min(too_bright, too_dark) < ONE_SIDED * error:
         return False
-    expected = sum(_squares_of_prediction(exact, view, [view]))
+    if null is not None:
+        error -= null.factor**2 * sum(_squares_of_prediction(null.fits, view, [view]))
     left = len(some) // 4  # of the views that may be predicted nearly as badly
     for one in some:
-        other = sum(_squares_of_prediction(fits, one, [view, one]))
-        easier = sum(_squares_of_prediction(exact, one, [view, one]))
-        left -= other * max(expected / max(easier, 1e-300), 1.0) >= misplaced.BETTER * error
+        left -= sum(_squares_of_prediction(fits, one, [view, one])) >= misplaced.BETTER * error
         if left < 0:
             return False
     return True

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 from scipy.special import ndtri, stdtrit  # scipy.stats has both, and takes 0.3 s to load
 
 from tomo.grid import ActiveVoxels
-from tomo.inference.fit import Fit
 from tomo.inference.state import HIDDEN, OUTSIDE, State
 from tomo.inference.steps import DETAIL, DRAWN, Null, Steps
 from tomo.model.effect import Effect
@@ -73,9 +72,9 @@ class Scores:
         return self._null
 
     @property
-    def exact(self) -> tuple[Fit, ...]:
-        """Fits of a scene like the one found as exact cameras see it; none before it is drawn."""
-        return self._null.fits if self._null else ()
+    def null(self) -> Null | None:
+        """What the steps are compared with; None before it is drawn."""
+        return self._null
 
     def spread_of(self, name: str, steps: Steps, draw: bool) -> NDArray[np.float64]:
         """Return what exact cameras make of an effect of single views, ``(parameters,)``.

@@ -131,7 +131,9 @@ class Steps:
 class Null:
     """Steps on scenes like those found, seen by exact cameras through the known gas.
 
-    ``steps`` are those of the scene itself.
+    ``steps`` are those of the scene itself. Errors there are larger than here by a ``factor``: by
+    the root of the ratio of the residuals, since a part of the scene's is detail that no voxel
+    shows, and a part the faults that are looked for.
     """
 
     def __init__(self, steps: Steps, active: ActiveVoxels | None) -> None:
@@ -151,7 +153,7 @@ class Null:
             drawn = first_fits(observations, turned, volumes, rounds=1, systems=systems)
             self._drawn.append(Steps(drawn, effects, none))
         misfit = float(np.mean([one.misfit for one in self._drawn]))
-        self._factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300)) ** 0.5
+        self.factor = (1 + DETAIL) * max(1.0, steps.misfit / max(misfit, 1e-300)) ** 0.5
 
     @property
     def fits(self) -> tuple[Fit, ...]:
@@ -159,13 +161,9 @@ class Null:
         return self._drawn[0].fits
 
     def spread(self, name: str) -> NDArray[np.float64]:
-        """Return the spread of what each view has for itself, ``(parameters,)``.
-
-        It is larger where the scene's residual is: by the root of the ratio, since a part of
-        it is detail that no voxel shows, and a part the faults that are looked for.
-        """
+        """Return the spread of what each view has for itself, ``(parameters,)``."""
         squares = [np.square(one.own[name]).mean(axis=0) for one in self._drawn]
-        return self._factor * np.sqrt(np.mean(squares, axis=0))
+        return self.factor * np.sqrt(np.mean(squares, axis=0))
 
     def hidden(self) -> float:
         """Return the spread of the fraction of pixels that lost their weight."""
