@@ -90,6 +90,21 @@ def choose_quickly():
     return one_fold_a_choice
 
 
+@pytest.fixture(scope="session")
+def as_given():
+    """Return the options under which images and rig are taken as they are.
+
+    Looking for what is wrong with them takes four fifths of a small run's time.
+    """
+    return {
+        "screen": False,
+        "refine_cameras": "none",
+        "fit_gain": False,
+        "fit_absorption": False,
+        "uncertainty": 0,
+    }
+
+
 @contextmanager
 def number_of_threads(count):
     """Run kernels on so many threads, or as many as there are, and torch where it is loaded."""

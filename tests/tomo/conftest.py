@@ -38,21 +38,6 @@ FRAMES = 20
 
 
 @pytest.fixture(scope="session")
-def as_given():
-    """Return the options under which images and rig are taken as they are.
-
-    Looking for what is wrong with them takes four fifths of a small run's time.
-    """
-    return {
-        "screen": False,
-        "refine_cameras": "none",
-        "fit_gain": False,
-        "fit_absorption": False,
-        "uncertainty": 0,
-    }
-
-
-@pytest.fixture(scope="session")
 def lines():
     """Return the projector of 400 lines every which way, in four views, the second without any."""
     grid = VoxelGrid((9, 14, 7), (0.5, 0.4, 0.6), (0.3, -0.2, 0.1))

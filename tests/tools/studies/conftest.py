@@ -3,6 +3,7 @@
 import sys
 from concurrent.futures import Future
 from contextlib import nullcontext
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,16 @@ def in_this_process(monkeypatch):
     from studies.scenes import processes
 
     monkeypatch.setattr(processes, "_pool", InTurn)
+
+
+@pytest.fixture(scope="module")
+def images_as_given(as_given):
+    """Let studies take images and rigs as they are unless they say otherwise, see `as_given`."""
+    from studies.common import scans
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scans, "Options", partial(scans.Options, **as_given))
+        yield
 
 
 @pytest.fixture(scope="module", autouse=True)

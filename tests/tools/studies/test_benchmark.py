@@ -20,7 +20,7 @@ PARTS = ("projectors", "solvers", "skipping", "plume", "training")
 
 
 @pytest.fixture(scope="module")
-def folder(run_tool, tmp_path_factory):
+def folder(run_tool, tmp_path_factory, images_as_given):
     out = tmp_path_factory.mktemp("benchmark")
     parts = [word for part in PARTS for word in ("--part", part)]
     with pytest.MonkeyPatch.context() as patch:  # one rig and two noises are all kinds of rows

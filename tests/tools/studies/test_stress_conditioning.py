@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from studies.stress import conditioning, geometry
 
-pytestmark = pytest.mark.usefixtures("quick_choices")
+pytestmark = pytest.mark.usefixtures("quick_choices", "images_as_given")
 
 
 @pytest.fixture(autouse=True)
