@@ -25,18 +25,19 @@ def names_in(help_text):
     return [flag.replace("-", "_") for flag in flags]
 
 
-def test_fields_help_and_settings_of_the_report_are_equal(run_tool, original, tmp_path):
+def test_fields_help_and_settings_of_the_report_are_equal(
+    run_tool, original, quick, as_given, tmp_path
+):
     fields = {field.name for field in dataclasses.fields(Options)}
     listed = names_in(run_tool("reconstruct", "--help").stdout)
     assert len(listed) == len(set(listed))
     assert set(listed) - OWN == fields
     assert not OWN & fields
     out = tmp_path / "out"
-    quick = ("--method", "sirt", "--iterations", "2", "--no-pictures")
     assert run_tool("reconstruct", original, *quick, "-o", out).exit_code == 0
     settings = json.loads((out / "report.json").read_text("utf-8"))["settings"]
     assert set(settings) == fields
-    assert Options.from_mapping(settings) == Options(method="sirt", iterations=2)
+    assert Options.from_mapping(settings) == Options(method="sirt", iterations=2, **as_given)
     assert not list(out.glob("*.png"))
     assert "data:image/png" not in (out / "report.html").read_text("utf-8")
 

@@ -16,7 +16,10 @@ from tomo.cli import init as command
 from tomo.simulation import simulate_images
 
 GRID = VoxelGrid((12, 16, 12), 0.8, (2, -1, 0))
-QUICK = Options(method="cgls", iterations=8, uncertainty=0, screen=False)
+QUICK = Options(
+    method="cgls", iterations=8, uncertainty=0,
+    screen=False, refine_cameras="none", fit_gain=False, fit_absorption=False,
+)  # fmt: skip
 DRAWN = ("--grid", "12x16x12", "--spacing", "0.8", "--center", "2,-1,0")
 
 

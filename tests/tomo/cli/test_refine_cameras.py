@@ -93,7 +93,7 @@ def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
 
 def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool, scan):
     before = (scan / "rig.yaml").read_bytes()
-    quick = (*QUICK, "-o", scan)
+    quick = (*QUICK, "--scale", "2", "-o", scan)
     refine = ("--refine-cameras", "cam02,cam03,none")
     assert run_tool("reconstruct", scan, *quick, *refine).exit_code == 0
     refined = load_rig(scan / "refined_rig.yaml")

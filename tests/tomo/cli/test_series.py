@@ -28,15 +28,16 @@ def films(tmp_path_factory):
     save_rig(rig, folder / "rig.yaml")
     return [
         "--rig", folder / "rig.yaml", "--images", folder, "--grid", "10x10x10", "--spacing", "1",
+        "--no-screen", "--refine-cameras", "none", "--no-fit-gain", "--no-fit-absorption",
     ]  # fmt: skip
 
 
 @pytest.fixture(scope="module")
-def made(films, run_tool, tmp_path_factory):
+def made(films, run_tool, tmp_path_factory, choose_quickly):
     out = tmp_path_factory.mktemp("made") / "out.zarr"
-    done = run_tool(
-        "reconstruct", *films, "--frames", "0:5:2", "--hold-out", "cam01", "-o", out, "--json"
-    )
+    asked = ("--frames", "0:5:2", "--hold-out", "cam01", "-o", out, "--json")
+    with choose_quickly():
+        done = run_tool("reconstruct", *films, *asked)
     assert done.exit_code == 0, done.stderr
     return out, done
 

@@ -95,6 +95,7 @@ def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, tmp_path):
     assert np.abs(scan.images("0")[0] - scan.images("2")[0]).max() > 0
     done = run_tool(
         "reconstruct", tmp_path / "film", "--frames", ":", "--method", "mlem", "--iterations", 3,
+        "--no-screen", "--refine-cameras", "none", "--no-fit-gain", "--no-fit-absorption",
         "-o", tmp_path / "out.zarr", "--json",
     )  # fmt: skip
     assert done.exit_code == 0, done.stderr

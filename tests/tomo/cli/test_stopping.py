@@ -227,29 +227,29 @@ os.replace = stop
 """
 
 
-def test_a_stop_while_results_are_moved_leaves_a_whole_one(tmp_path):
+def test_a_stop_while_results_are_moved_leaves_a_whole_one(run_tool, tmp_path):
     (tmp_path / "sitecustomize.py").write_text(MOVES)
     rig, out = tmp_path / "rig.yaml", tmp_path / "scan"
     save_rig(ring(2, 60.0, image_size=(8, 6), footprint=0.8), rig)
     options = ("--rig", rig, "--phantom", "blobs", "--grid", "6x10x6", "--spacing", 1, "-o", out)
 
-    def run(seed, moves, number):
-        asked = {"MOVES": str(moves), "SIGNAL": str(int(number))}
-        code, lines, _ = _python(
-            TOOLS / "simulate.py", *options, "--seed", seed, hooks=tmp_path, **asked
-        )
-        files = [path for path in out.rglob("*") if path.is_file()]
-        return code, lines, {path.relative_to(out): path.read_bytes() for path in files}
+    def files():
+        paths = [path for path in out.rglob("*") if path.is_file()]
+        return {path.relative_to(out): path.read_bytes() for path in paths}
 
-    _, _, other = run(1, 0, 0)
-    code, lines, whole = run(2, 0, 0)
-    assert (code, lines) == (0, [])
+    def left_by(seed):
+        assert run_tool("simulate", *options, "--seed", seed).exit_code == 0
+        return files()
+
+    whole, other = left_by(2), left_by(1)
     assert whole.keys() == other.keys()
     assert whole != other
     for seed, moves, number, expected in (
         (1, 1, signal.SIGINT, other),
         (2, len(whole), signal.SIGTERM, whole),
     ):
-        code, lines, found = run(seed, moves, number)
+        asked = {"MOVES": str(moves), "SIGNAL": str(int(number))}
+        simulate = (TOOLS / "simulate.py", *options, "--seed", seed)
+        code, lines, _ = _python(*simulate, hooks=tmp_path, **asked)
         assert (code, lines) in [(0, []), (130, ["interrupted"]), (143, ["terminated"])]
-        assert found == expected
+        assert files() == expected

@@ -17,6 +17,8 @@ from tomo.series import SeriesStore
 
 UNIT, PER_COUNT = "W/m^3/sr", 2.0e-4
 GRID = VoxelGrid((10, 10, 10), 1.0)
+QUICK = ("--method", "mlem", "--no-screen", "--refine-cameras", "none")
+QUICK += ("--no-fit-gain", "--no-fit-absorption")
 
 
 @pytest.fixture(scope="module")
@@ -42,7 +44,7 @@ def scan(tmp_path_factory):
 
 def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
     path, total = scan
-    done = run_tool("reconstruct", path, "--method", "mlem", "-o", tmp_path / "out", "--json")
+    done = run_tool("reconstruct", path, *QUICK, "-o", tmp_path / "out", "--json")
     assert done.exit_code == 0, done.stderr
     report = json.loads((tmp_path / "out/report.json").read_text())
     assert report["scan"]["value_unit"] == report["emission"]["unit"] == UNIT
@@ -67,7 +69,7 @@ def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
 def test_a_film_and_its_exports_name_their_unit(scan, run_tool, tmp_path):
     path, total = scan
     store = tmp_path / "out.zarr"
-    done = run_tool("reconstruct", path, "--frames", "0:2", "--method", "mlem", "-o", store)
+    done = run_tool("reconstruct", path, "--frames", "0:2", *QUICK, "-o", store)
     assert done.exit_code == 0, done.stderr
     opened = SeriesStore(store)
     assert opened.group["emission"].attrs["units"] == opened.attributes["value_unit"] == UNIT

@@ -16,10 +16,10 @@ RIG = rigs.ring(4, distance=100.0, image_size=(14, 16), footprint=0.6, pitch_deg
 
 
 @pytest.fixture(scope="module")
-def found():
+def found(as_given):
     scan = tomo.simulate(RIG, lambda points: np.exp(-(points**2).sum(axis=-1) / 3), GRID)
-    options = tomo.Options(method="mlem", iterations=8, hold_out=("cam01",), uncertainty=12)
-    return tomo.reconstruct(scan, options=options)
+    asked = {"method": "mlem", "iterations": 8, "hold_out": ("cam01",), "uncertainty": 12}
+    return tomo.reconstruct(scan, options=tomo.Options(**as_given | asked))
 
 
 def pictures(html):

@@ -14,9 +14,11 @@ from tomo.series import reconstruct_series
 from tomo.series.run import solve_block
 from tomo.series.temporal import REACH, TemporalFilter, moved, with_neighbours
 
+pytestmark = pytest.mark.usefixtures("quick_choices")
+
 GRID = VoxelGrid((10, 12, 10), 1.0)
 RIG = rigs.ring(5, distance=200.0, image_size=(20, 22), footprint=0.8, pitch_degrees=12.0)
-COUNT = 14
+COUNT = 10
 FASTEST = 0.35  # voxels a frame
 QUICK = Options(
     frames=":", key_frames=1, screen=False, fit_gain=False, fit_absorption=False,
