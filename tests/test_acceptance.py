@@ -34,10 +34,9 @@ def test_the_demo_is_a_turbulent_flame_without_inverse_crime(run_tool, tmp_path)
     ]
 
 
-@pytest.mark.parametrize("frame", ["frame_060", "frame_090"])
-def test_a_real_plume_predicts_the_camera_left_out(run_tool, test_data, tmp_path, frame):
+def test_a_real_plume_predicts_the_camera_left_out(run_tool, test_data, tmp_path):
     found = run_tool(
-        "reconstruct", str(test_data / "scalarflow" / "transforms.json"), "--frame", frame,
+        "reconstruct", str(test_data / "scalarflow" / "transforms.json"), "--frame", "frame_090",
         "--hold-out", "cam02", "--scale", "6", "--grid", "64x96x64",
         "--lower", "0.0818,-0.0446,-0.4958", "--upper", "0.5727,0.6917,-0.0049",
         "--no-pictures", "--uncertainty", "0", "--peak", "1", "-o", str(tmp_path / "plume"),

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.ndimage import gaussian_filter
 
@@ -10,7 +10,6 @@ from tomo.grid import ActiveVoxels, VoxelGrid
 from tomo.grid.blur import Blur
 
 
-@settings(max_examples=40, deadline=None)
 @given(
     shape=st.tuples(*[st.integers(1, 9)] * 3),
     width=st.floats(0.2, 4),

@@ -103,7 +103,7 @@ def test_wernet_starts_from_the_weighed_default(quick_choice, photons):
     assert distance(learned) < 1.05 * distance(default)
 
 
-def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(take):
+def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(quick_choice, take):
     """On the mean of three flames: a single one's gain is within its noise."""
     distances = []
     for flame in (4, 5, 6):
