@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from studies.benchmark import projectors
 from studies.emission import archive, learned, methods, scenes, study
 from studies.emission.course import PATIENCE, Course, best_of, falling
 
@@ -91,6 +92,15 @@ def test_rtk_takes_the_same_rays(how, jet):
     right, wrong = (best_of(one, methods.by_rtk, [how]).curve[-1][1] for one in (jet, turned))
     assert right < 0.45
     assert wrong > 1.25 * right
+
+
+def test_rtk_s_projectors_are_timed_on_the_rig_of_ours():
+    pytest.importorskip("itk")
+    ours = {row["what"]: row for row in projectors._on_the_fly(8, 3, 1) if row["threads"] == 1}
+    for row in projectors._joseph(8, 3, 1, list(ours.values())):
+        other = ours[row["ratio_to"]]
+        assert row["ratio"] == pytest.approx(other["seconds"] / row["seconds"])
+        assert row["rays"] == other["rays"]
 
 
 def test_an_archive_is_read_by_everyone_and_scored(cache, tmp_path):
