@@ -24,9 +24,7 @@ def folder(run_tool, tmp_path_factory, images_as_given):
     out = tmp_path_factory.mktemp("benchmark")
     parts = [word for part in PARTS for word in ("--part", part)]
     with pytest.MonkeyPatch.context() as patch:  # one rig and two noises are all kinds of rows
-        patch.setattr(
-            projectors, "_joseph", lambda *given: []
-        )  # see test_emission
+        patch.setattr(projectors, "_joseph", lambda *given: [])  # see test_emission
         patch.setattr(solver_part, "RIGS", (33,))
         patch.setattr(solver_part, "NOISES", ("clean", "gaussian"))
         done = run_tool("benchmark", "--size", "tiny", *parts, "-o", out, "--json")

@@ -4,6 +4,7 @@ import json
 import zipfile
 from collections import Counter
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -119,12 +120,15 @@ def test_an_archive_is_read_by_everyone_and_scored(cache, tmp_path):
         archive.scored(tmp_path / "volumes", [name], cache, GRID)
 
 
-def test_the_command_goes_on_with_rows_that_are_missing(tmp_path, monkeypatch, quick_choice):
+def test_the_command_goes_on_with_rows_that_are_missing(
+    tmp_path, monkeypatch, quick_choice, as_given
+):
     def in_this_process(function, jobs, _processes):
         return ((key, function(*job)) for key, job in jobs.items())
 
     monkeypatch.setattr(study, "at_work", in_this_process)
     monkeypatch.setattr(study, "warm_up", lambda: None)
+    monkeypatch.setattr(methods, "Options", partial(methods.Options, **as_given))
 
     def run(*methods):
         study.run(tmp_path, method=methods, tiny=True)

@@ -5,7 +5,8 @@ from studies import refinement
 from studies.common.study import Request
 
 
-def test_a_small_rig_is_refined(monkeypatch):
+def test_a_small_rig_is_refined(monkeypatch, quick_choice):
+    monkeypatch.setattr(refinement, "VIEWS", 8)
     monkeypatch.setattr(refinement, "NOISES", (0.005,))
     tables = refinement.run(Request("tiny"))
     (row,) = tables["disturbed_rigs"]
