@@ -23,10 +23,16 @@ def original(tmp_path_factory):
 
 
 @pytest.fixture(scope="session")
-def quick():
+def nothing_sought():
+    """Return the options of a run that takes images and rig as they are."""
+    return ("--no-screen", "--refine-cameras", "none", "--no-fit-gain", "--no-fit-absorption")
+
+
+@pytest.fixture(scope="session")
+def quick(nothing_sought):
     """Return the options of a run that looks for nothing and draws nothing."""
-    words = "--method sirt --iterations 2 --uncertainty 0 --no-pictures --no-screen --no-fit-gain"
-    return (*words.split(), "--no-fit-absorption", "--refine-cameras", "none")
+    words = "--method sirt --iterations 2 --uncertainty 0 --no-pictures"
+    return (*words.split(), *nothing_sought)
 
 
 @pytest.fixture

@@ -47,12 +47,11 @@ if __name__ == "__main__":
 
 
 @pytest.fixture(scope="module")
-def done(run_tool, original, tmp_path_factory, choose_quickly):
+def done(run_tool, original, tmp_path_factory, choose_quickly, nothing_sought):
     """Return the folder and the result of a run to the end."""
     out = tmp_path_factory.mktemp("out")
-    as_given = ("--no-screen", "--no-fit-gain", "--no-fit-absorption", "--refine-cameras", "none")
     with choose_quickly():
-        result = run_tool("reconstruct", original, *as_given, "-o", out)
+        result = run_tool("reconstruct", original, *nothing_sought, "-o", out)
     assert result.exit_code == 0, result.stderr
     return out, result
 

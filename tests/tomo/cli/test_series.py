@@ -10,7 +10,7 @@ from tomo.operators import LinearSystem
 
 
 @pytest.fixture(scope="module")
-def films(tmp_path_factory):
+def films(tmp_path_factory, nothing_sought):
     """Return the arguments for a rig and the films of a blob that moves along."""
     folder = tmp_path_factory.mktemp("films")
     grid = VoxelGrid((10, 10, 10), 1.0)
@@ -28,7 +28,7 @@ def films(tmp_path_factory):
     save_rig(rig, folder / "rig.yaml")
     return [
         "--rig", folder / "rig.yaml", "--images", folder, "--grid", "10x10x10", "--spacing", "1",
-        "--no-screen", "--refine-cameras", "none", "--no-fit-gain", "--no-fit-absorption",
+        *nothing_sought,
     ]  # fmt: skip
 
 

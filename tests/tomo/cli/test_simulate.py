@@ -81,7 +81,7 @@ def test_effects_reach_the_images(run_tool, rig, tmp_path):
     assert result["maximum"] < 0.9 * json.loads(plain.stdout)["maximum"]
 
 
-def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, tmp_path):
+def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, nothing_sought, tmp_path):
     arguments = ("--rig", rig, "--phantom", "plume", *BOX, "--photons", 500, "--seed", 2)
     done = run_tool(
         "simulate", *arguments, "--frames", 3, "--frame-rate", 2000, "-o", tmp_path / "film",
@@ -95,8 +95,7 @@ def test_a_film_is_written_and_its_frames_are_scored(run_tool, rig, tmp_path):
     assert np.abs(scan.images("0")[0] - scan.images("2")[0]).max() > 0
     done = run_tool(
         "reconstruct", tmp_path / "film", "--frames", ":", "--method", "mlem", "--iterations", 3,
-        "--no-screen", "--refine-cameras", "none", "--no-fit-gain", "--no-fit-absorption",
-        "-o", tmp_path / "out.zarr", "--json",
+        *nothing_sought, "-o", tmp_path / "out.zarr", "--json",
     )  # fmt: skip
     assert done.exit_code == 0, done.stderr
     assert 0 < json.loads(done.stdout)["quality"]["nrmse"] < 1.5

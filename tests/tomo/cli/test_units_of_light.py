@@ -17,8 +17,6 @@ from tomo.series import SeriesStore
 
 UNIT, PER_COUNT = "W/m^3/sr", 2.0e-4
 GRID = VoxelGrid((10, 10, 10), 1.0)
-QUICK = ("--method", "mlem", "--no-screen", "--refine-cameras", "none")
-QUICK += ("--no-fit-gain", "--no-fit-absorption")
 
 
 @pytest.fixture(scope="module")
@@ -42,9 +40,11 @@ def scan(tmp_path_factory):
     return folder / "scan.yaml", 1e-9 * float(volume.sum(dtype=np.float64))
 
 
-def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
+def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, nothing_sought, tmp_path):
     path, total = scan
-    done = run_tool("reconstruct", path, *QUICK, "-o", tmp_path / "out", "--json")
+    done = run_tool(
+        "reconstruct", path, "--method", "mlem", *nothing_sought, "-o", tmp_path / "out", "--json"
+    )
     assert done.exit_code == 0, done.stderr
     report = json.loads((tmp_path / "out/report.json").read_text())
     assert report["scan"]["value_unit"] == report["emission"]["unit"] == UNIT
@@ -66,10 +66,12 @@ def test_a_reconstruction_names_its_unit_everywhere(scan, run_tool, tmp_path):
     assert f'"integral_unit": {integral}' in page
 
 
-def test_a_film_and_its_exports_name_their_unit(scan, run_tool, tmp_path):
+def test_a_film_and_its_exports_name_their_unit(scan, run_tool, nothing_sought, tmp_path):
     path, total = scan
     store = tmp_path / "out.zarr"
-    done = run_tool("reconstruct", path, "--frames", "0:2", *QUICK, "-o", store)
+    done = run_tool(
+        "reconstruct", path, "--frames", "0:2", "--method", "mlem", *nothing_sought, "-o", store
+    )
     assert done.exit_code == 0, done.stderr
     opened = SeriesStore(store)
     assert opened.group["emission"].attrs["units"] == opened.attributes["value_unit"] == UNIT
