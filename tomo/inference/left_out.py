@@ -100,11 +100,9 @@ def predict_left_out(given: Predicting, corrected: Predicting) -> LeftOut:
 def without_left_out(fits: Sequence[Fit]) -> tuple[Fit, ...]:
     """Return fits that do not use the pixels that are left out."""
     out = _left_out(_squares(fits))
-    return tuple(_without(one, out) for one in fits)
-
-
-def _without(fit: Fit, out: NDArray[np.bool_]) -> Fit:
-    return replace(fit, usable=fit.usable & ~out, trust=np.where(out, 0.0, fit.trust))
+    return tuple(
+        replace(one, usable=one.usable & ~out, trust=np.where(out, 0.0, one.trust)) for one in fits
+    )
 
 
 def _left_out(squares: NDArray[np.intp]) -> NDArray[np.bool_]:
@@ -127,7 +125,9 @@ def squared_errors(fits: Sequence[Fit]) -> NDArray[np.float64]:
     for number in range(FOLDS):
         out = blocks_to_leave_out(squares, number)
         for fit in fits:
-            errors[out] += np.square(fitted_from_even(_without(fit, out)).residual[out])
+            errors[out] += np.square(
+                fitted_from_even(replace(fit, usable=fit.usable & ~out)).residual[out]
+            )
     return errors / (sum(float(np.mean(np.square(fit.measured))) for fit in fits) or 1.0)
 
 

@@ -44,6 +44,8 @@ class Scores:
         The null's spread of those that were compared with it.
     highest : mapping of str to (views,)
         The highest scores over their limits so far.
+    null : Null, optional
+        What the steps are compared with; None before it is drawn.
     """
 
     def __init__(
@@ -60,21 +62,16 @@ class Scores:
         shared = 1 + sum(e.shared for e in effects)
         self.own_limit = float(-stdtrit(DRAWN * views, FALSE_ALARMS / 4 / (own + views)))
         self.shared_limit = float(-ndtri(FALSE_ALARMS / 2 / shared))
-        self._null: Null | None = None
+        self.null: Null | None = None
         self.bias: dict[str, float] = {}
         self.spread: dict[str, NDArray[np.float64]] = {}
         self.highest: dict[str, NDArray[np.float64]] = {}
 
     def _null_of(self, steps: Steps) -> Null:
         """Return the null of the first fits; it is drawn when something may exceed it."""
-        if self._null is None:
-            self._null = Null(steps, self.active)
-        return self._null
-
-    @property
-    def null(self) -> Null | None:
-        """What the steps are compared with; None before it is drawn."""
-        return self._null
+        if self.null is None:
+            self.null = Null(steps, self.active)
+        return self.null
 
     def spread_of(self, name: str, steps: Steps, draw: bool) -> NDArray[np.float64]:
         """Return what exact cameras make of an effect of single views, ``(parameters,)``.
@@ -82,7 +79,7 @@ class Scores:
         Where no effect asked for the null so far, and none is to ``draw`` it, the steps of the
         scene itself are no more than chance, and stand for it.
         """
-        if self._null is None and not draw:
+        if self.null is None and not draw:
             return (1 + DETAIL) * np.sqrt(np.square(steps.own[name]).mean(axis=0))
         return self._null_of(steps).spread(name)
 
