@@ -35,7 +35,7 @@ def directions(n, random):
 def test_directions_that_have_an_image_are_found_again(model, power):
     random = np.random.default_rng([power, len(model)])
     lost = seen = 0
-    for _ in range(4):
+    for _ in range(2):
         lens, points = random_lens(model, power, random), directions(300, random)
         plane, valid = lens.project(points)  # (N, 2)
         back = lens.unproject(plane[valid])

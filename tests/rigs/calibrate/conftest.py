@@ -48,7 +48,7 @@ class Simulated:
         )
 
 
-def board(columns=8, rows=6, square=14.0):
+def board(columns=6, rows=5, square=18.0):
     """Return the inner corners of a chessboard."""
     grid = np.mgrid[:rows, :columns].reshape(2, -1).T
     return np.c_[grid[:, ::-1] * square, np.zeros(len(grid))]
@@ -122,7 +122,7 @@ def one_camera():
     return own
 
 
-def film(offsets, frames=30, seed=0, noise=0.1, noise_seed=0, step=1):
+def film(offsets, frames=20, seed=0, noise=0.1, noise_seed=0, step=1):
     """Return a rig and what its cameras saw of a board moved by hand, 30 pictures a second.
 
     Camera k took its picture f at the moment ``f + offsets[k]``, counted in pictures. The board

@@ -10,20 +10,30 @@ from rigs.calibrate import Observations, calibrate
 from rigs.calibrate.adjust.lens_choice import TERMS
 from rigs.calibrate.observations import without_repeats
 
+NOISE = 0.03
+PLAIN = {"distortion": "brown4"}  # the true model: no terms are chosen, which takes longest
+
 
 @pytest.fixture(scope="module")
 def arc_case(simulated_rig):
     """Four cameras over 100 degrees, with observations and what they give."""
-    truth = simulated_rig("arc", cameras=4, frames=14, seed=1)
-    observations = truth.observe(0.05, seed=1)
+    truth = simulated_rig("arc", cameras=4, frames=12, seed=1)
+    observations = truth.observe(NOISE, seed=1)
     return truth, observations, calibrate(observations)
+
+
+@pytest.fixture(scope="module")
+def with_lenses(arc_case):
+    """The same where the lenses are given: only poses are looked for, in a third of the time."""
+    truth, observations, _ = arc_case
+    return truth, observations, calibrate(observations, intrinsics=truth.rig)
 
 
 def test_an_arc_is_found_within_a_hundredth_of_a_pixel(arc_case, judged_volume):
     truth, observations, found = arc_case
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.003
     assert found.used.all()
-    assert found.noise == pytest.approx(0.05, rel=0.05)
+    assert found.noise == pytest.approx(NOISE, rel=0.05)
     assert found.assessment.startswith("good")
     assert found.findings == ()
     assert found.rig.names == observations.cameras
@@ -36,7 +46,7 @@ def test_an_arc_is_found_within_a_hundredth_of_a_pixel(arc_case, judged_volume):
 
 def test_residuals_are_measured_less_projected_by_the_rig(arc_case):
     _, observations, found = arc_case
-    for row in (0, 777, len(observations) - 1):
+    for row in (0, 333, len(observations) - 1):
         frame = observations.frame[row]
         point = observations.target_points[observations.point[row]]
         place = found.target_R[frame] @ point + found.target_t[frame]
@@ -78,9 +88,9 @@ def test_the_world_is_the_first_camera_unless_said_otherwise(arc_case):
     assert "cam00" in found.rig.world_frame
 
 
-def test_given_lenses_are_kept(arc_case, judged_volume):
-    truth, observations, found = arc_case
-    fixed = calibrate(observations, intrinsics=truth.rig)
+def test_given_lenses_are_kept(arc_case, with_lenses, judged_volume):
+    truth, _, found = arc_case
+    fixed = with_lenses[2]
     for true, camera in zip(truth.rig, fixed.rig, strict=True):
         assert np.array_equal(true.camera_matrix, camera.camera_matrix)
         assert true.distortion == camera.distortion
@@ -93,8 +103,8 @@ def test_given_lenses_are_kept(arc_case, judged_volume):
 def test_lens_terms_are_freed_when_they_pay(simulated_rig):
     truth = simulated_rig("arc", cameras=2, frames=14, seed=5)
     straight = tuple(replace(camera, distortion=Distortion()) for camera in truth.rig)
-    plain = calibrate(replace(truth, rig=Rig(straight)).observe(0.05, seed=1))
-    bent = calibrate(truth.observe(0.05, seed=1))
+    plain = calibrate(replace(truth, rig=Rig(straight)).observe(NOISE, seed=1))
+    bent = calibrate(truth.observe(NOISE, seed=1))
     size = {name: sum(terms.free) for name, terms in TERMS.items()}
     assert all(size[name] >= 2 for name in bent.terms)
     assert sum(size[name] for name in plain.terms) < sum(size[name] for name in bent.terms)
@@ -102,11 +112,11 @@ def test_lens_terms_are_freed_when_they_pay(simulated_rig):
 
 def test_terms_that_one_camera_cannot_tell_are_freed_together(simulated_rig, judged_volume):
     """All targets parallel: no camera knows its lens by itself, but together they do."""
-    truth = simulated_rig("arc", cameras=4, frames=16, seed=2)
-    R = np.tile(truth.rig[1].R.T, (16, 1, 1))
-    t = np.array([0, 0, 800]) + np.random.default_rng(1).uniform(-40, 40, (16, 3))
+    truth = simulated_rig("arc", cameras=4, frames=10, seed=2)
+    R = np.tile(truth.rig[1].R.T, (10, 1, 1))
+    t = np.array([0, 0, 800]) + np.random.default_rng(1).uniform(-40, 40, (10, 3))
     parallel = replace(truth, target_R=R, target_t=t - R @ truth.points.mean(axis=0))
-    found = calibrate(parallel.observe(0.05, seed=1, facing=0.2))
+    found = calibrate(parallel.observe(NOISE, seed=1, facing=0.2))
     assert set(found.terms) <= {"brown4", "brown5"}
     miss = ray_miss(truth.rig, found.rig, judged_volume(truth))
     assert miss < 0.003
@@ -114,7 +124,7 @@ def test_terms_that_one_camera_cannot_tell_are_freed_together(simulated_rig, jud
 
 
 def test_data_without_noise_give_the_rig_to_rounding(simulated_rig, judged_volume):
-    truth = simulated_rig("arc", cameras=3, frames=10, seed=2)
+    truth = simulated_rig("arc", cameras=3, frames=8, seed=2)
     found = calibrate(truth.observe(0.0, seed=1, facing=0.3))
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 1e-6
     assert found.used.all()
@@ -136,14 +146,14 @@ def test_a_wide_fisheye_on_request(simulated_rig, judged_volume):
 
 
 def test_partial_boards_and_points_of_no_pose_are_used(simulated_rig, judged_volume):
-    truth = simulated_rig("arc", cameras=4, frames=20, seed=4, spread=70)
-    observations = truth.observe(0.05, seed=3)
+    truth = simulated_rig("arc", cameras=4, frames=16, seed=4, spread=70)
+    observations = truth.observe(NOISE, seed=3)
     counts = observations.counts()
     partial = (counts > 0) & (counts < len(truth.points))
     assert partial.sum() > 10
     # Images of fewer points than a pose needs count where another camera saw the target whole
     few = (observations.camera == 1) & (observations.frame % 3 == 0) & (observations.point > 3)
-    found = calibrate(observations.where(~few))
+    found = calibrate(observations.where(~few), **PLAIN)
     assert found.used.all()
     assert ray_miss(truth.rig, found.rig, judged_volume(truth)) < 0.006
 
@@ -151,7 +161,7 @@ def test_partial_boards_and_points_of_no_pose_are_used(simulated_rig, judged_vol
 def test_frames_that_show_too_little_are_reported_and_not_used(arc_case):
     _, observations, _ = arc_case
     little = (observations.frame == 3) & (observations.point > 4)
-    found = calibrate(observations.where(~little))
+    found = calibrate(observations.where(~little), **PLAIN)
     frame = found.observations.frame == 3
     assert frame.any()
     assert np.isnan(found.target_t[3]).all()
@@ -182,9 +192,9 @@ def test_the_summary_is_plain_and_the_rig_can_be_saved(arc_case, tmp_path):
     assert again.calibration["ray_miss_predicted"] < 0.003
 
 
-def test_the_world_may_be_that_of_a_frame(arc_case, judged_volume):
-    truth, observations, found = arc_case
-    frame = calibrate(observations, world="004")
+def test_the_world_may_be_that_of_a_frame(with_lenses, judged_volume):
+    truth, observations, found = with_lenses
+    frame = calibrate(observations, intrinsics=truth.rig, world="004")
     assert np.abs(frame.target_R[4] - np.eye(3)).max() < 1e-12
     assert np.abs(frame.target_t[4]).max() < 1e-9
     assert "004" in frame.rig.world_frame
@@ -192,10 +202,10 @@ def test_the_world_may_be_that_of_a_frame(arc_case, judged_volume):
     assert ray_miss(found.rig, frame.rig, judged_volume(truth)) < 1e-7
 
 
-def test_given_positions_set_the_scale(arc_case):
-    truth, observations, found = arc_case
+def test_given_positions_set_the_scale(with_lenses):
+    truth, observations, found = with_lenses
     given = {camera.name: 2 * camera.position + 100 for camera in truth.rig}
-    scaled = calibrate(observations, world=given, rescale=True)
+    scaled = calibrate(observations, intrinsics=truth.rig, world=given, rescale=True)
     for camera in scaled.rig:
         assert np.linalg.norm(given[camera.name] - camera.position) < 3.0
     assert np.abs(scaled.residuals - found.residuals).max() < 1e-6
@@ -207,11 +217,11 @@ def test_given_positions_set_the_scale(arc_case):
 
 
 def test_cameras_without_shared_views_are_named(arc_case):
-    _, observations, _ = arc_case
-    late = observations.frame >= 7
+    truth, observations, _ = arc_case
+    late = observations.frame >= 6
     apart = observations.where(np.where(observations.camera >= 2, late, ~late))
     with pytest.raises(ValueError, match=r"cameras cam0[02], cam0[13]: found no frame"):
-        calibrate(apart)
+        calibrate(apart, intrinsics=truth.rig)
 
 
 def test_too_few_views_are_named(arc_case):
@@ -271,7 +281,7 @@ def test_names_and_models_that_do_not_fit(arc_case):
     for unknown in ("nothing", dict.fromkeys(["cam00", "cam01", "nothing"], (0, 0, 0))):
         with pytest.raises(ValueError, match="world: found 'nothing', expected the name"):
             calibrate(observations, world=unknown)
-    tilted = observations.target_points + [0, 0, 1.0] * (np.arange(48) == 3)[:, None]
+    tilted = observations.target_points + [0, 0, 1.0] * (np.arange(30) == 3)[:, None]
     with pytest.raises(ValueError, match="flat target"):
         calibrate(replace(observations, target_points=tilted))
 

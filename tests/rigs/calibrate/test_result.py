@@ -4,8 +4,8 @@ from rigs.calibrate import calibrate
 
 
 def test_target_poses_are_where_the_target_was_seen_from_the_held_camera(simulated_rig):
-    simulated = simulated_rig(cameras=3, frames=10)
-    found = calibrate(simulated.observe(0.05, seed=4))
+    simulated = simulated_rig(cameras=3, frames=6)
+    found = calibrate(simulated.observe(0.03, seed=4), distortion="brown4")
     poses = found.rig.calibration["target_poses"]
     assert [pose["frame"] for pose in poses] == list(found.observations.frames)
     points = simulated.points

@@ -15,9 +15,11 @@ POINTS = box_points((-5, -5, -5), (5, 5, 5), 5)
 EVERYWHERE = np.zeros(3)
 
 
-def camera(position=(0.0, 0, 300), name="cam00"):
+def camera(position=(0.0, 0, 300), name="cam00", size=60):
     R, t = look_at(position, (0, 0, 0))
-    return Camera(name, (60, 60), [[1500, 0, 29.5], [0, 1500, 29.5], [0, 0, 1]], R=R, t=t)
+    middle = (size - 1) / 2
+    K = [[25 * size, 0, middle], [0, 25 * size, middle], [0, 0, 1]]
+    return Camera(name, (size, size), K, R=R, t=t)
 
 
 def pane(degrees, index=1.4585, size=None):
@@ -50,16 +52,15 @@ def test_gas_on_the_way_is_not_taken_for_a_solid():
     assert shift_at(seen, EVERYWHERE) is None
 
 
-@pytest.mark.parametrize(("reach", "is_cut"), [(4, False), (6, True)])
-def test_gas_that_the_box_cuts_is_a_warning(reach, is_cut):
+def test_gas_that_the_box_cuts_is_a_warning():
     values = np.ones((6, 6, 6))
-    values[2:4, 2:4, 2:reach] = 1.0003
+    values[2:4, 2:4, 2:] = 1.0003
     scene = Scene(gas=Gas(IndexVolume(values, (-15, -15, -15), 5.0, 1.0)))
-    cameras = (camera(), camera((300.0, 0, 0), "cam01"))
+    cameras = (camera(size=12), camera((300.0, 0, 0), "cam01", size=12))
     check = check_points(Rig(cameras).through(scene), POINTS, (10, 10, 10), 1.0)
-    found = [one for one in check.findings if "index volume" in one.text]
-    assert [one.level for one in found] == ["warning"] * is_cut
-    assert all("upper z (100%)" in one.text for one in found)
+    (found,) = (one for one in check.findings if "index volume" in one.text)
+    assert found.level == "warning"
+    assert "upper z (100%)" in found.text
 
 
 def test_the_shift_by_colour_is_that_of_the_glass_at_both_ends_of_the_band():
