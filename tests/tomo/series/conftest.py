@@ -1,3 +1,4 @@
+import gc
 from types import SimpleNamespace
 
 import numpy as np
@@ -20,6 +21,15 @@ def moving_blobs(grid, time):
         cy = (height + 0.3 * time + 4) % 8 - 4
         volume += np.exp(-((x - cx) ** 2 + (y - cy) ** 2 + (z - cz) ** 2) / 4)
     return np.where(volume > 0.02, volume, 0).astype(np.float32)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def soon_collected():
+    """Runs collect garbage after every block: leave what is loaded already out of that."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="session")

@@ -75,7 +75,7 @@ def test_volumes_are_those_of_the_cpu(store, undisturbed):
 
 
 def test_arrays_that_are_not_numpys_give_the_same_bits(run, cupy, on_arrays_of):
-    brief = {"frames": "0:2", "key_frames": 1, "iterations": 8}
+    brief = {"frames": "0:2", "key_frames": 1, "iterations": 4}
     expected = run(**brief)
     on_arrays_of("array_api_strict")
     assert np.array_equal(run(**brief).group["emission"][:], expected.group["emission"][:])

@@ -27,7 +27,7 @@ with np.load(sys.argv[1]) as file:
 rig = rigs.ring(5, distance=200.0, image_size=(24, 26), footprint=0.8, pitch_degrees=12.0)
 scan = Scan.from_arrays(rig, images, VoxelGrid((12, 14, 12), 1.0))
 quick = Options(
-    frames=":", hold_out=(rig.names[2],), key_frames=2, method="sirt", iterations=99,
+    frames=":", hold_out=(rig.names[2],), key_frames=2, method="sirt", iterations=40,
     screen=False, refine_cameras="none", fit_gain=False, fit_absorption=False,
 )
 for line in sys.stdin:  # each run is a process of its own; what it imports is here already
@@ -67,8 +67,8 @@ def test_runs_ended_at_random_moments_go_on_to_the_same_bits(runs, tmp_path, ass
     assert runs(other)[1]() == 0
     rng = random.Random(36)
     ends = []
-    for number in (signal.SIGKILL, signal.SIGINT, signal.SIGKILL):
-        wanted = rng.randrange(0, 3) + 3 * len(ends)
+    for number in (signal.SIGKILL, signal.SIGINT):
+        wanted = rng.randrange(0, 4) + 4 * len(ends)
         child, end = runs(path)
         limit = time.monotonic() + 60
         while len(list(path.glob("emission/c/*"))) < wanted and time.monotonic() < limit:
@@ -76,7 +76,7 @@ def test_runs_ended_at_random_moments_go_on_to_the_same_bits(runs, tmp_path, ass
         time.sleep(rng.uniform(0, 0.05))
         os.kill(child, number)
         ends.append(end())
-    assert ends == [-9, 130, -9]
+    assert ends == [-9, 130]
     assert runs(path)[1]() == 0
     assert_same(SeriesStore(path), SeriesStore(other))
     assert not list(path.rglob("*.partial"))

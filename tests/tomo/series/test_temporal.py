@@ -10,7 +10,8 @@ import rigs
 from tomo import Options, Scan, VoxelGrid, metrics
 from tomo.grid import ActiveVoxels
 from tomo.operators import LinearSystem
-from tomo.series import reconstruct_series
+from tomo.series import make_plan, reconstruct_series
+from tomo.series.frames import reader_of
 from tomo.series.run import solve_block
 from tomo.series.temporal import REACH, TemporalFilter, moved, with_neighbours
 
@@ -18,7 +19,7 @@ pytestmark = pytest.mark.usefixtures("quick_choices")
 
 GRID = VoxelGrid((10, 12, 10), 1.0)
 RIG = rigs.ring(5, distance=200.0, image_size=(20, 22), footprint=0.8, pitch_degrees=12.0)
-COUNT = 10
+COUNT = 8  # a block
 FASTEST = 0.35  # voxels a frame
 QUICK = Options(
     frames=":", key_frames=1, screen=False, fit_gain=False, fit_absorption=False,
@@ -47,48 +48,39 @@ def film_of(truths, noise=0.5):
     return Scan.from_arrays(RIG, {name: np.array(each) for name, each in images.items()}, GRID)
 
 
-@pytest.fixture(scope="module")
-def results(tmp_path_factory):
-    """Return mean errors, alone and as chosen, and what was chosen: films of two kinds."""
-    films = {
-        "moving": [blobs(1, FASTEST * time) for time in range(COUNT)],
-        "unrelated": [blobs(10 + time) for time in range(COUNT)],
-    }
-    found = {}
-    for name, truths in films.items():
-        scan, errors = film_of(truths), {}
-        for temporal in ("off", "auto"):
-            path = tmp_path_factory.mktemp(name) / f"{temporal}.zarr"
-            options = replace(QUICK, temporal=temporal)
-            store = reconstruct_series(scan, path, options=options)
-            each = [metrics.nrmse(store.volume(n), truth) for n, truth in enumerate(truths)]
-            errors[temporal] = np.mean(each)
-        found[name] = errors, store.attributes["plan"]["temporal"]
-    return found
+def plan_of(truths):
+    """Return the plan of a film, with the filter that is found for it."""
+    return make_plan(film_of(truths), GRID, QUICK, tuple(range(len(truths))))
 
 
-def test_frames_of_a_moving_film_gain_by_their_neighbours(results):
-    errors, chosen = results["moving"]
-    assert errors["auto"] < 0.85 * errors["off"]
+def error_of(plan, truths):
+    read, places = reader_of(plan.scan, plan.screened), range(len(truths))
+    found = solve_block(plan, places, [read(place) for place in places])
+    return np.mean([metrics.nrmse(result.volume, truths[place]) for place, result in found])
+
+
+def test_frames_of_a_moving_film_gain_by_their_neighbours():
+    truths = [blobs(1, FASTEST * time) for time in range(COUNT)]
+    plan = plan_of(truths)
+    chosen = plan.report()["temporal"]
+    assert error_of(plan, truths) < 0.85 * error_of(replace(plan, temporal=None), truths)
     assert chosen["held_out_residual"] < chosen["held_out_residual_alone"]
     np.testing.assert_allclose(chosen["filter"]["velocity"], [0, FASTEST, 0], atol=0.15)
 
 
-def test_unrelated_frames_lose_nothing(results):
-    errors, chosen = results["unrelated"]
-    assert errors["auto"] <= 1.02 * errors["off"]
-    assert chosen["filter"] is None
+def test_unrelated_frames_stand_alone():
+    plan = plan_of([blobs(10 + time) for time in range(COUNT)])
+    chosen = plan.report()["temporal"]
+    assert plan.filter is chosen["filter"] is None
     assert "no better" in chosen["reason"]
 
 
-def test_a_block_alone_has_the_bits_of_the_series(tmp_path):
-    from tomo.series.frames import reader_of
-    from tomo.series.settle import make_plan
-
+def test_a_block_alone_has_the_bits_of_the_series(tmp_path, monkeypatch):
     scan = film_of([blobs(1, 0.2 * time) for time in range(11)])
     options = replace(QUICK, temporal=1.0)
-    store = reconstruct_series(scan, tmp_path / "out.zarr", options=options)
     plan = make_plan(scan, GRID, options, tuple(range(11)))
+    monkeypatch.setattr("tomo.series.run.make_plan", lambda *_: plan)
+    store = reconstruct_series(scan, tmp_path / "out.zarr", options=options)
     read = reader_of(plan.scan, plan.screened)
     frames = [read(place) for place in plan.solved_with(range(8, 11))]
     assert len(frames) == 3 + REACH
