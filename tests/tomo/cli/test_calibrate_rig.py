@@ -208,7 +208,7 @@ def test_lens_images_are_kept_apart_from_pose_images(calibrate, taken, few, tmp_
             shutil.copy(path, lenses / camera / f"{k + number}.png")  # other moments by name
     miss = {}
     for name, options in (("without", ()), ("with", ("--intrinsics-images", lenses))):
-        rig, _ = calibrate(few, *options)
+        rig, _ = calibrate(few, *options, "--cache", tmp_path / "cache")
         miss[name] = true_ray_miss(taken[0], rig, taken[0].volume)
     assert miss["with"] < 0.06
     assert miss["with"] < miss["without"]

@@ -134,9 +134,9 @@ def test_a_scan_says_where_the_volume_is(run_tool, tmp_path, name):
 
 
 def test_it_says_how_small_a_fault_images_would_tell(run_tool, tmp_path):
-    rig_file, volume = tmp_path / "small.yaml", Volume((8, 20, 8), 1.0)
+    rig_file, volume = tmp_path / "small.yaml", Volume((6, 12, 6), 1.0)
     rig = ring(
-        4, distance=900.0, image_size=(20, 30), footprint=1.0, pitch_degrees=4.0, volume=volume
+        4, distance=900.0, image_size=(14, 20), footprint=1.0, pitch_degrees=4.0, volume=volume
     )
     save_rig(rig, rig_file)
     done = run_tool("check_rig", rig_file, "--no-time", "--json", "--noise", 0.01)

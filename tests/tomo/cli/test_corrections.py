@@ -42,7 +42,7 @@ def recorded(tmp_path_factory):
 
 
 def test_dark_frames_by_the_short_way_give_the_volume_of_the_dark_taken_off(
-    run_tool, recorded, tmp_path
+    run_tool, recorded, nothing_sought, tmp_path
 ):
     volumes = {}
     for images, options in (
@@ -52,7 +52,7 @@ def test_dark_frames_by_the_short_way_give_the_volume_of_the_dark_taken_off(
         out = tmp_path / images
         result = run_tool(
             "reconstruct", "--rig", recorded / "rig.yaml", "--images", recorded / images,
-            *BOX, "--hold-out", "cam01", "--no-pictures", *options, "-o", out,
+            *BOX, "--hold-out", "cam01", "--no-pictures", *nothing_sought, *options, "-o", out,
         )  # fmt: skip
         assert result.exit_code == 0, result.stderr
         assert json.loads((out / "report.json").read_text())["verdict"]["level"] != "red"

@@ -19,30 +19,35 @@ PREVIEW = {"preview.npz", "preview.json"}
 VOLUMES = {"volume.npz", "volume.vti", "volume.nrrd"}
 
 STOPPED = """
-import os, signal, sys
+import json, os, signal, sys
 from importlib import import_module
 
+from tomo.cli.app import app
 from tomo.cli.stopping import run
 
+stages = import_module("tomo.pipeline.reconstruct")
 
-def app():
-    from tomo.cli.app import app
 
-    stages, (name, call) = import_module("tomo.pipeline.reconstruct"), sys.argv[1:3]
-    function, calls = getattr(stages, name), [int(call)]
+def stopped(name, calls, words):
+    function = getattr(stages, name)
 
     def counted(*values, **named):
-        calls[0] -= 1
-        if calls[0] == 0:
+        nonlocal calls
+        calls -= 1
+        if calls == 0:
             os.kill(os.getpid(), signal.SIGINT)
         return function(*values, **named)
 
     setattr(stages, name, counted)
-    app(["reconstruct", *sys.argv[3:]])
+    run(lambda: app(["reconstruct", *words]))
 
 
-if __name__ == "__main__":
-    run(app)
+for *where, words, said in json.loads(sys.argv[1]):
+    child = os.fork()  # each run is a process of its own; what it imports is here already
+    if not child:
+        os.dup2(os.open(said, os.O_WRONLY | os.O_CREAT), 2)
+        stopped(*where, words)
+    print(os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 
 
@@ -107,33 +112,37 @@ def test_a_film_has_no_preview(refused, original, tmp_path):
     assert line == "error: --preview: found it with --frames, expected one of both"
 
 
-@pytest.mark.parametrize(
-    ("stage", "call", "left", "words"),
-    [
-        ("check_options", 1, {"report.json"}, ""),
-        ("cameras_to_refine", 1, {*PREVIEW, "report.json"}, "; {out}/preview.npz is complete, "),
-        # the first is the preview's
-        ("assess", 2, {*PREVIEW, *VOLUMES}, "; {out}/volume.npz is complete, without intervals"),
-    ],
-)
-def test_a_stop_leaves_what_is_complete_and_says_so(
-    original, quick, tmp_path, stage, call, left, words
-):
-    out, script = tmp_path / "out", tmp_path / "stopped.py"
-    out.mkdir()
-    (out / "report.json").write_text("{}")  # of an earlier run
-    script.write_text(STOPPED)
+STOPS = {
+    ("check_options", 1): ({"report.json"}, ""),
+    ("cameras_to_refine", 1): ({*PREVIEW, "report.json"}, "; {out}/preview.npz is complete, "),
+    # the first is the preview's
+    ("assess", 2): ({*PREVIEW, *VOLUMES}, "; {out}/volume.npz is complete, without intervals"),
+}
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="the runs are forked")
+def test_a_stop_leaves_what_is_complete_and_says_so(original, quick, tmp_path):
+    runs = []
+    for stage, call in STOPS:
+        out = tmp_path / stage
+        out.mkdir()
+        (out / "report.json").write_text("{}")  # of an earlier run
+        words = list(map(str, (original, "-o", out, *quick)))
+        runs.append((stage, call, words, f"{out}.txt"))
     before = signal.signal(signal.SIGINT, signal.default_int_handler)  # else it is ignored there
     done = subprocess.run(
-        [sys.executable, script, stage, str(call), original, "-o", out, *quick],
-        env=os.environ | {"PYTHONPATH": str(ROOT)},
-        capture_output=True,
+        [sys.executable, "-c", STOPPED, json.dumps(runs)],
+        cwd=ROOT,
+        stdout=subprocess.PIPE,
         text=True,
         timeout=120,
     )
     signal.signal(signal.SIGINT, before)
-    assert done.returncode == 130
-    assert done.stderr.splitlines()[-1].startswith("interrupted" + words.format(out=out))
-    assert {path.name for path in out.iterdir()} == left
-    for name in left & {"preview.npz", "volume.npz"}:
-        assert read_volume(out / name)[1].shape == (6, 10, 6)
+    assert done.stdout.split() == ["130"] * len(STOPS)
+    for (stage, _), (left, words) in STOPS.items():
+        out = tmp_path / stage
+        last = Path(f"{out}.txt").read_text().splitlines()[-1]
+        assert last.startswith("interrupted" + words.format(out=out))
+        assert {path.name for path in out.iterdir()} == left
+        for name in left & {"preview.npz", "volume.npz"}:
+            assert read_volume(out / name)[1].shape == (6, 10, 6)

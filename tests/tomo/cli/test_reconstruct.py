@@ -30,7 +30,7 @@ PAGES = {"report.html", "rig.html", "flame.html"}
 @pytest.fixture(scope="module")
 def scan(tmp_path_factory):
     folder = tmp_path_factory.mktemp("simulated") / "scan"
-    rig = ring(5, distance=150.0, image_size=(24, 32), footprint=0.7, center=GRID.center)
+    rig = ring(5, distance=150.0, image_size=(18, 24), footprint=0.9, center=GRID.center)
     field = create("jet", 2, GRID.extent, GRID.center)
     simulate_images(rig, field, GRID, supersample=2, refine=2).save(folder)
     return folder
@@ -185,7 +185,7 @@ def test_options_reach_the_run(run_tool, scan, tmp_path):
     assert {key: report["settings"][key] for key in expected} == expected
     (of_truth,) = report["warnings"]
     assert of_truth.startswith("truth.npz: the truth is on another grid: no quality figures. ")
-    assert report["rays"] == 3 * 12 * 16 * 2**2
+    assert report["rays"] == 3 * 9 * 12 * 2**2
 
 
 def test_a_reconstruction_can_be_simulated_again(run_tool, done, scan, tmp_path):

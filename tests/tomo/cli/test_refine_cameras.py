@@ -12,7 +12,7 @@ from tomo import VoxelGrid, load_scan
 from tomo.pipeline import Options, reconstruct
 from tomo.simulation import simulate_images
 
-GRID = VoxelGrid((14, 28, 14), 1.0)
+GRID = VoxelGrid((10, 20, 10), 1.0)
 FOOTPRINT = 0.7
 QUICK = ("--method", "sirt", "--iterations", "2", "--uncertainty", "0", "--no-pictures")
 QUICK += ("--no-screen", "--no-fit-absorption")
@@ -22,7 +22,11 @@ BOX = box_points(GRID.lower, GRID.upper, 4)
 @pytest.fixture(scope="module")
 def rig():
     return ring(
-        9, distance=400, image_size=(43, 64), footprint=FOOTPRINT, pitch_degrees=[12, -9, 3] * 3
+        7,
+        distance=400,
+        image_size=(31, 46),
+        footprint=FOOTPRINT,
+        pitch_degrees=([12, -9, 3] * 3)[:7],
     )
 
 
@@ -70,35 +74,27 @@ def test_the_report_says_what_was_refined(done):
     page = (out / "report.html").read_text("utf-8")
     section = page.split("<h2>Which cameras were moved?</h2>")[1].split("<h2>")[0]
     assert refinement["reason"] in section
-    assert section.count('<th scope="row">') == 8
+    assert section.count('<th scope="row">') == 6
     assert "cameras refined from the images" in result.stderr.replace("\n", " ")
 
 
-def test_of_shrunk_images_the_rig_is_that_of_the_recorded_ones(scan):
-    loaded = load_scan(scan)
-    some = {"refine_cameras": ["cam02", "cam03", "none"], "fit_absorption": False}
-    some |= {"method": "sirt", "iterations": 2, "screen": False}
-    outcome = reconstruct(loaded.scaled(2), options=Options(**some))
-    report = outcome.report()["refinement"]
-    assert report["accepted"] is True
-    found = outcome.refined_rig
-    assert [camera.image_size for camera in found] == [(43, 64)] * 9
-    apart = [
-        np.abs(one.project(BOX)[0] - other.project(BOX)[0]).max()
-        for one, other in zip(found, loaded.rig, strict=True)
-    ]
-    assert min(apart[2:4]) > 0.1
-    assert max(apart[:2] + apart[4:]) < 1e-9
-
-
-def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(run_tool, scan):
+def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(
+    run_tool, scan, nothing_sought
+):
+    """Of shrunk images, too, the refined rig is that of the recorded ones."""
     before = (scan / "rig.yaml").read_bytes()
     quick = (*QUICK, "--scale", "2", "-o", scan)
     refine = ("--refine-cameras", "cam02,cam03,none")
     assert run_tool("reconstruct", scan, *quick, *refine).exit_code == 0
-    refined = load_rig(scan / "refined_rig.yaml")
-    assert refined["cam02"] != load_rig(scan / "rig.yaml")["cam02"]
-    assert run_tool("reconstruct", scan, *quick).exit_code == 0
+    refined, given = load_rig(scan / "refined_rig.yaml"), load_rig(scan / "rig.yaml")
+    assert [camera.image_size for camera in refined] == [(31, 46)] * 7
+    apart = [
+        np.abs(one.project(BOX)[0] - other.project(BOX)[0]).max()
+        for one, other in zip(refined, given, strict=True)
+    ]
+    assert min(apart[2:4]) > 0.1
+    assert max(apart[:2] + apart[4:]) < 1e-9
+    assert run_tool("reconstruct", scan, *quick, *nothing_sought).exit_code == 0
     assert not (scan / "refined_rig.yaml").exists()
     assert (scan / "rig.yaml").read_bytes() == before
 
@@ -136,7 +132,7 @@ def test_refined_on_one_moment_the_plume_is_predicted_better_at_another(test_dat
     [
         (("nominal",), "refine_cameras: found no nominal camera in the rig"),
         (("cam01", "--hold-out", "cam01"), "refine_cameras: found only cameras held out: cam01"),
-        (("all", *(f"--hold-out=cam0{n}" for n in range(7))), "found 2 views to refine with, exp"),
+        (("all", *(f"--hold-out=cam0{n}" for n in range(5))), "found 2 views to refine with, exp"),
     ],
 )
 def test_bad_requests_are_one_line(refused, scan, tmp_path, options, words):
