@@ -325,7 +325,10 @@ def open_page(browser):
             "window.ready = () => document.readyState === 'complete'"
             "  && (document.body.dataset.ready || !document.scripts.length);"
             "for (let k = 0; k < 600 && !window.ready(); k++) await pause(50);"
-            "await pause(300);"
+            "window.frame = () => new Promise((done) => requestAnimationFrame(done));"
+            "window.until = async (is) => {"
+            "  for (let k = 0; k < 300 && !is(); k++) await pause(20); };"
+            "await frame(); await frame(); await pause(50);"
         )
         return browser
 

@@ -20,7 +20,10 @@ def total(seed):
     rig = rigs.ring(4, distance=200.0, image_size=(16, 16), footprint=0.8)
     images = {name: np.random.default_rng(seed).random((16, 16)) for name in rig.names}
     scan = Scan.from_arrays(rig, images, VoxelGrid((8, 8, 8), 1.0))
-    options = Options(method="sirt", iterations=2, uncertainty=0, hold_out=())
+    options = Options(
+        method="sirt", iterations=2, uncertainty=0, screen=False, refine_cameras="none",
+        fit_gain=False, fit_absorption=False,
+    )
     return float(reconstruct(scan, options=options).volume.sum())
 
 def double(number):

@@ -16,6 +16,7 @@ from tomo.grid import Volume, VoxelGrid
 
 GRID = VoxelGrid((14, 30, 18), (0.5, 0.4, 0.6), (3.0, -20.0, 8.0))
 HOSTILE = "</script><b>x & 'y'"
+SMALL = (500, 400)
 
 BRIGHTEST = """
 const brightest = () => {
@@ -52,7 +53,7 @@ def test_line_integrals_are_the_operator_s_own(open_page, tmp_path, azimuth, up)
         "depths": [0.1, 1000.0],
         "lamp": [0, 0, 1],
     }
-    found = open_page(tmp_path / "a.html").evaluate(
+    found = open_page(tmp_path / "a.html", SMALL).evaluate(
         f"""
         const light = stages[0].light;
         Object.assign(light.canvas, {{ width: 240, height: 320 }});
@@ -68,7 +69,7 @@ def test_line_integrals_are_the_operator_s_own(open_page, tmp_path, azimuth, up)
 
 def test_what_turns_and_cuts_and_passes_a_threshold_is_what_the_numbers_say(open_page, tmp_path):
     write_html(tmp_path / "a.html", Scene(), shown=Shown((Volume(np.ones(GRID.shape), GRID),)))
-    whole, half, dark, named = open_page(tmp_path / "a.html").evaluate(
+    whole, half, dark, named = open_page(tmp_path / "a.html", SMALL).evaluate(
         """
         const stage = stages[0], { canvas } = stage, view = stage.view();
         Object.assign(canvas, { width: canvas.clientWidth, height: canvas.clientHeight });
@@ -97,7 +98,7 @@ def test_dark_and_tiny_volumes_are_shown(open_page, tmp_path, shape, value):
     grid = VoxelGrid(shape, 2.0)
     volume = np.full(shape, value, np.float32)
     write_html(tmp_path / "a.html", Scene(), shown=Shown((Volume(volume, grid),)))
-    most = open_page(tmp_path / "a.html").evaluate(f"{BRIGHTEST} return brightest();")
+    most = open_page(tmp_path / "a.html", SMALL).evaluate(f"{BRIGHTEST} return brightest();")
     longest = float(np.linalg.norm(grid.extent)) * value
     assert most <= 1.01 * longest
     assert most >= 0.5 * value * min(grid.extent)
@@ -136,7 +137,7 @@ def test_a_film_plays_and_pauses_and_follows_the_slider(open_page, tmp_path):
     label, bright = page.evaluate(state)
     assert label == f"{HOSTILE} 4"
     assert bright == pytest.approx(5 * dim, rel=0.1)
-    press = "document.querySelector('.play').click(); await pause(500);"
+    press = "document.querySelector('.play').click(); await pause(300);"
     page.evaluate(press)
     assert page.evaluate("return document.querySelector('.play').textContent;") == "Pause"
     assert page.evaluate(state)[0] != f"{HOSTILE} 4"

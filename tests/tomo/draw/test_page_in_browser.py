@@ -68,7 +68,7 @@ def page(lenses, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def opened(open_page, page):
-    return open_page(page, (1150, 720))
+    return open_page(page, (1000, 620))
 
 
 def test_every_layer_switches_what_it_names_and_maps_replace_each_other(opened):

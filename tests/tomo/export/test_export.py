@@ -138,7 +138,7 @@ def test_no_more_than_a_few_volumes_are_in_memory(filled, tmp_path, exported, mo
     import weakref
 
     shape, alive, most = (4, 5, 6), [], []
-    long = filled(tmp_path / "long.zarr", [np.ones(shape, np.float32)] * 8)
+    long = filled(tmp_path / "long.zarr", [np.ones(shape, np.float32)] * 5)
 
     first = long.volume(0)
 

@@ -8,10 +8,10 @@ from tomo.grid import Volume, VoxelGrid
 
 
 def test_a_film_has_a_picture_a_frame_in_which_the_spot_moves(store, tmp_path):
-    written = export_series(store, tmp_path / "flame.mp4", "mp4")
+    written = export_series(store, tmp_path / "flame.mp4", "mp4", (0, 10, 19))
     with av.open(str(written)) as film:
         pictures = [one.to_ndarray(format="gray").astype(float) for one in film.decode(video=0)]
-    assert len(pictures) == store.n_frames - 1
+    assert len(pictures) == 3
     first, last = pictures[0], pictures[-1]
     height, width = first.shape
     assert height == 720

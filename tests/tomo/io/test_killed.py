@@ -13,7 +13,7 @@ from tomo import load_scan
 from tomo.io import read_volume
 
 ROOT = Path(__file__).parents[3]
-TIMES = 4
+TIMES = 2
 
 WRITES = """
 import sys

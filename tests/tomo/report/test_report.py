@@ -221,10 +221,11 @@ CONTRAST = """
 
 
 def test_report_does_with_little(tmp_path):
-    volume = np.zeros(GRID.shape, np.float32)
+    outcome = outcome_of(np.zeros(GRID.shape, np.float32))
+    pictures = draw(outcome)
     unknown = {"relative_residual": None, "seed": None, "held_out": {"a": {"psnr": None}}}
     for report in ({}, unknown):
-        write_report(tmp_path / "report.html", report, outcome_of(volume))
+        write_report(tmp_path / "report.html", report, outcome, pictures)
     assert "The reconstructed emission" in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 

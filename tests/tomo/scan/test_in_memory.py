@@ -45,10 +45,12 @@ def test_images_from_arrays_and_from_files_are_the_same_bits(images, shrink, tmp
 
 
 @pytest.mark.parametrize("how", [{}, {"bits": 10}, {"photons": 300.0}])
-def test_a_simulated_scan_is_reconstructed_without_files(how, tmp_path):
+def test_a_simulated_scan_is_reconstructed_without_files(how, tmp_path, as_given):
     field = create("jet", 1, GRID.extent)
     scan = tomo.simulate(RIG, field, GRID, supersample=2, **how)
-    options = Options(method="sirt", iterations=5, hold_out=["cam01"])
+    options = Options(method="sirt", iterations=5, hold_out=["cam01"], **as_given)
+    if "bits" in how:
+        options = options.but(screen=True)
     found = tomo.reconstruct(scan, options=options)
     loaded = tomo.reconstruct(load_scan(scan.save(tmp_path / "scan")), options=options)
     np.testing.assert_array_equal(found.volume, loaded.volume)

@@ -43,8 +43,9 @@ def test_what_is_learned_is_not_repeated():
 
 
 @pytest.mark.parametrize(("method", "asked"), [("auto", "auto"), ("sirt", 4), ("sirt", "auto")])
-def test_the_condition_is_in_the_report(scan, method, asked):
-    outcome = reconstruct(scan, options=Options(method=method, uncertainty=asked))
+def test_the_condition_is_in_the_report(scan, as_given, method, asked):
+    options = Options(**as_given | {"method": method, "uncertainty": asked})
+    outcome = reconstruct(scan, options=options)
     found = json.loads(json.dumps(outcome.report(), allow_nan=False))["uncertainty"]
     assert found["voxels"]["median_views"] == 7
     assert 0 < found["images"]["noise"] < 2 * found["images"]["residual"]
@@ -57,8 +58,10 @@ def test_the_condition_is_in_the_report(scan, method, asked):
         assert min(found["resolution"]["voxels"]) >= 1
 
 
-def test_the_condition_changes_nothing_of_the_volume(scan):
-    plain, judged = (reconstruct(scan, options=Options(uncertainty=asked)) for asked in (0, 3))
+def test_the_condition_changes_nothing_of_the_volume(scan, as_given):
+    plain, judged = (
+        reconstruct(scan, options=Options(**as_given | {"uncertainty": asked})) for asked in (0, 3)
+    )
     assert plain.volume.tobytes() == judged.volume.tobytes()
     assert plain.uncertainty.standard_deviation is None
     assert np.isfinite(judged.uncertainty.standard_deviation).all()

@@ -1,5 +1,6 @@
 """The viewer's page: what it shows of films, rigs and odd volumes, and whom it asks."""
 
+import json
 from dataclasses import replace
 
 import numpy as np
@@ -47,6 +48,14 @@ def moved(label, value):
     control.value = {value!r};
     for (const kind of ["input", "change"]) control.dispatchEvent(new Event(kind));
     """
+
+
+def shown_as(label):
+    """Return a script that waits until a frame is shown."""
+    return (
+        "await until(() => document.querySelector('.moment').textContent ==="
+        f" {json.dumps(label)}); await pause(100);"
+    )
 
 
 def test_it_opens_on_the_light_with_bar_axes_values_and_images(open_viewer, content):
@@ -111,17 +120,17 @@ def test_a_film_plays_and_asks_no_other_host(browser, open_viewer, content, flam
     state = f"{BRIGHTEST} return [document.querySelector('.moment').textContent, brightest()];"
     label, dim = page.evaluate(state)
     assert label == "start"
-    page.evaluate(moved("Frame of the film", 2) + "await pause(600);")
+    page.evaluate(moved("Frame of the film", 2) + shown_as(HOSTILE))
     label, bright = page.evaluate(state)
     assert label == HOSTILE
     assert bright == pytest.approx(3 * dim, rel=0.1)
     assert page.evaluate("return document.querySelector('h1').textContent;") == HOSTILE
     press = "document.querySelector('.play').click();"
-    page.evaluate(moved("Frames a second", "30") + press + "await pause(900);")
+    page.evaluate(moved("Frames a second", "30") + press + "await pause(400);")
     assert page.evaluate("return document.querySelector('.play').textContent;") == "Pause"
-    page.evaluate(press + "await pause(500);")
+    page.evaluate(press + "await pause(300);")
     stopped = page.evaluate(state)[0]
-    page.evaluate("await pause(400);")
+    page.evaluate("await pause(200);")
     assert page.evaluate(state)[0] == stopped
     asked = [
         event["params"]["request"]["url"]
@@ -148,7 +157,7 @@ def test_images_of_a_scan_are_stepped_through_without_a_volume(open_viewer, scan
         COMPARED + before + "return [compared.querySelector('output').textContent, images];"
     )
     assert found == ["cam00", [False, True, True]]
-    page.evaluate(moved("Frame of the film", 1) + "await pause(500);")
+    page.evaluate(moved("Frame of the film", 1) + shown_as("frame_001"))
     assert page.evaluate("return document.querySelector('.moment').textContent;") == "frame_001"
 
 
@@ -214,10 +223,10 @@ def test_a_narrow_page_fits_and_errors_are_said(open_viewer, content, flames):
     frames.__dict__["spread"] = lambda: [0]
     page = open_viewer(replace(content, frames=frames, scan=None, moments=()), (400, 800))
     assert page.evaluate("return document.documentElement.scrollWidth;") <= 400
-    page.evaluate(moved("Frame of the film", 1) + "await pause(500);")
+    page.evaluate(moved("Frame of the film", 1) + "await until(() => told.textContent);")
     said = "return document.getElementById('told').textContent;"
     assert page.evaluate(said) == f"Not shown: frame 1: {HOSTILE}"
-    page.evaluate(moved("Frame of the film", 2) + "await pause(500);")
+    page.evaluate(moved("Frame of the film", 2) + "await until(() => !told.textContent);")
     assert page.evaluate(said) == ""
     # the browser itself reports the failed answer
     assert all("500" in one for one in page.problems())
