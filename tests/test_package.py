@@ -4,6 +4,7 @@ import subprocess
 import sys
 import tomllib
 from configparser import ConfigParser
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -67,10 +68,17 @@ def modules():
             yield ".".join(part for part in parts if part != "__init__"), path
 
 
+@cache
+def tree_of(path):
+    """Return the syntax tree of a file."""
+    return ast.parse(path.read_text())
+
+
+@cache
 def imported(path, module):
     """Return what a file imports of the toolkit: at its top, in a function or for types."""
     found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in ast.walk(tree_of(path)):
         if isinstance(node, ast.Import):
             found |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom):
@@ -79,9 +87,10 @@ def imported(path, module):
     return {name for name in found if name.split(".")[0] in PACKAGES}
 
 
+@cache
 def handed_out():
     """Return ``tomo.NAME``, which `tomo` hands out, to the package that it comes from."""
-    tree = ast.parse((ROOT / "tomo" / "__init__.py").read_text())
+    tree = tree_of(ROOT / "tomo" / "__init__.py")
     call = next(node for node in ast.walk(tree) if isinstance(node, ast.Call) and node.keywords)
     table = next(k.value for k in call.keywords if k.arg == "submod_attrs")
     return {
@@ -119,7 +128,7 @@ def defined_in():
     tables = {}
     for module, path in modules():
         if path.name == "__init__.py":
-            for node in ast.walk(ast.parse(path.read_text())):
+            for node in ast.walk(tree_of(path)):
                 for keyword in getattr(node, "keywords", ()):
                     if keyword.arg == "submod_attrs":
                         tables[module] = {
@@ -234,7 +243,7 @@ def test_what_is_imported_is_required():
     tools = sorted((ROOT / "tools").glob("*.py"))
     files = [path for _, path in modules()] + tools
     for path in files:
-        for node in ast.walk(ast.parse(path.read_text())):
+        for node in ast.walk(tree_of(path)):
             if isinstance(node, ast.Import):
                 used |= {alias.name.split(".")[0] for alias in node.names}
             elif isinstance(node, ast.ImportFrom):
@@ -296,7 +305,7 @@ def test_the_code_keeps_its_budget():
         node
         for path in counted_files()
         if path.relative_to(ROOT).parts[0] in ("rigs", "tomo")
-        for node in ast.parse(path.read_text()).body
+        for node in tree_of(path).body
         if isinstance(node, ast.Assign | ast.AnnAssign) and node.value and is_number(node.value)
     ]
     assert len(numbers) <= NUMBERS

@@ -2,6 +2,7 @@
 
 import sys
 from dataclasses import replace
+from functools import partial
 from types import SimpleNamespace
 
 import numpy as np
@@ -10,6 +11,7 @@ from studies import gpu as script
 from studies.benchmark import gpu
 from studies.common.study import Request
 
+from tomo import Options
 from tomo.operators.gpu import CudaDevice
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
@@ -40,12 +42,16 @@ def plume(tmp_path):
     return SimpleNamespace(folder=tmp_path, box=box)
 
 
-def test_the_part_measures_all_that_a_gpu_is_to_show(cupy, plume, monkeypatch):
+def test_the_part_measures_all_that_a_gpu_is_to_show(cupy, plume, monkeypatch, as_given):
     monkeypatch.setattr(gpu, "PLUME_BOX", plume.box)
     monkeypatch.setattr(gpu, "REPEATS", 1)
     tiny = gpu.SIZES["tiny"]
     monkeypatch.setitem(gpu.SIZES, "tiny", replace(tiny, frames=10))
     monkeypatch.setattr(gpu, "instructions", lambda kernel: 30.0)
+    gains_alone = Options(refine_cameras="none", fit_absorption=False, uncertainty=0)
+    monkeypatch.setattr(gpu, "reconstruct", partial(gpu.reconstruct, options=gains_alone))
+    film = partial(gpu.reconstruct_series, options=Options(key_frames=2, **as_given))
+    monkeypatch.setattr(gpu, "reconstruct_series", film)
     tables = gpu.run(Request("tiny", data=plume.folder))
     assert all(row["holds"] for row in tables["errors"])
     assert [row["product"] for row in tables["rates"]] == ["forward", "adjoint"]

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import replace
+from functools import partial
 
 import pytest
 from studies.common.scans import reconstructed
@@ -64,15 +65,10 @@ def test_growth_is_the_power_of_a_line_through_logarithms(power, holds):
     assert row.holds is holds
 
 
-def test_an_order_of_cameras_that_changes_the_volume_does_not_hold(monkeypatch):
+def test_an_order_of_cameras_that_changes_the_volume_does_not_hold(monkeypatch, as_given):
     scan = jet_by(ring(5), noise=0.02).scan
     backwards = list(scan.rig.names[::-1])
-    first = reconstructed(scan, uncertainty=0)
-    monkeypatch.setattr(
-        order,
-        "reconstructed",
-        lambda s, **how: first if s is scan else reconstructed(s, **how),
-    )
+    monkeypatch.setattr(order, "reconstructed", partial(reconstructed, **as_given))
     assert all(row.holds for row in order.order_rows("as it is", scan, [backwards]))
     without_one = replace(scan, rig=Rig(scan.rig[:-1]))
     monkeypatch.setattr(order, "reordered", lambda *_: without_one)

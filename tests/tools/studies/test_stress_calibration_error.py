@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from studies.common.scans import simulated_by
 from studies.stress import calibration
 from studies.stress.calibration_scene import (
     GRID,
@@ -10,14 +11,19 @@ from studies.stress.calibration_scene import (
     noisier,
     one_off,
     seen_wrongly,
-    simulated,
 )
 from studies.stress.scene import jet_by, ring
+
+import rigs
 
 
 @pytest.fixture(scope="module")
 def flame():
-    return simulated()
+    """Return the study's flame in pixels twice as wide, before fewer cameras."""
+    rig = rigs.ring(8, distance=300.0, image_size=(28, 44), footprint=0.5, pitch_degrees=10.0)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(calibration, "FOOTPRINT", 0.5)
+        yield simulated_by(rig, GRID, ("turbulent", 0), supersample=3)
 
 
 @pytest.mark.parametrize("kind", KINDS)

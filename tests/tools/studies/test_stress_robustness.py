@@ -21,7 +21,11 @@ SHRINK = 0.35
 
 @pytest.fixture(scope="module")
 def flame():
-    return scene("turbulent", 1, SHRINK)
+    """Return a flame before a third of the study's cameras."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(scenes, "PRESET", "paper11_33deg")
+        patch.setattr(scenes, "OTHER", 3)
+        yield scene("turbulent", 1, SHRINK)
 
 
 def test_a_wrong_view_is_named_and_one_that_is_kept_is_a_fault(flame, monkeypatch):

@@ -27,8 +27,9 @@ def test_a_scaled_scene_has_the_same_rays_with_other_lengths(plain):
     np.testing.assert_allclose(second.row_sums, 3 * first.row_sums, rtol=1e-6)
 
 
-def test_rows_of_the_default_hold(plain, monkeypatch):
-    monkeypatch.setattr(scaling, "reconstructed", partial(scaling.reconstructed, uncertainty=0))
+def test_rows_of_the_default_hold(plain, monkeypatch, as_given):
+    quick = partial(scaling.reconstructed, **as_given)  # test_hard_scans scales the whole default
+    monkeypatch.setattr(scaling, "reconstructed", quick)
     both = replace(plain, lengths=2.9e5, intensities=3.7e-6)
     found = list(scaling._default(plain, [both]))
     assert len(found) == 3
