@@ -328,7 +328,8 @@ def open_page(browser):
             "window.frame = () => new Promise((done) => requestAnimationFrame(done));"
             "window.until = async (is) => {"
             "  for (let k = 0; k < 300 && !is(); k++) await pause(20); };"
-            "await frame(); await frame(); await pause(50);"
+            "window.settled = async () => { await frame(); await frame(); await pause(50); };"
+            "await settled();"
         )
         return browser
 

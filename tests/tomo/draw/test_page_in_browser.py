@@ -173,7 +173,7 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
         list.value = "bent";
         list.dispatchEvent(new Event("change"));
         picture.scrollIntoView({ block: "center" });
-        await pause(300);
+        await settled();
         const b = picture.getBoundingClientRect();
         return [b.left + picture.clientLeft + 0.25 * picture.clientWidth,
                 b.top + picture.clientTop + 0.5 * picture.clientHeight];
@@ -186,7 +186,7 @@ def test_a_click_on_the_picture_is_the_pixel_below_it(opened, lenses):
         )
     found = browser.evaluate(
         """
-        await pause(300);
+        await settled();
         const line = document.getElementById("ray");
         const picture = document.getElementById("picture"), pen = picture.getContext("2d");
         const share = pen.getTransform();
@@ -250,16 +250,16 @@ def test_orbit_and_zoom_by_mouse_and_the_names_follow(opened):
     for step in range(1, 9):
         mouse("mouseMoved", 300 + 15 * step, 400 + 5 * step, button="left", buttons=1)
     mouse("mouseReleased", 420, 440, button="left", clickCount=1)
-    browser.evaluate("await pause(300);")
+    browser.evaluate("await settled();")
     turned_eye, turned_boxes, _ = browser.evaluate(state)
     assert abs(turned_eye[0] - eye[0]) > 0.5
     assert turned_eye[1] > eye[1] + 0.1  # what is dragged down shows more of its top
     assert turned_eye[2] == eye[2]
     assert turned_boxes != boxes
     mouse("mouseWheel", 340, 420, deltaX=0, deltaY=-300)
-    browser.evaluate("await pause(300);")
+    browser.evaluate("await settled();")
     assert browser.evaluate(state)[0][2] < 0.95 * eye[2]
-    press = 'document.querySelectorAll(".zooms button")[{}].click(); await pause(300);'
+    press = 'document.querySelectorAll(".zooms button")[{}].click(); await settled();'
     close = np.array(browser.evaluate(press.format(1) + state)[2])
     assert np.ptp(close[:, 0]) < 0.3 * np.ptp(np.array(whole)[:, 0])
     assert (close[0] < GRID.lower - GRID.center).all()
@@ -274,7 +274,7 @@ def test_hostile_names_are_text_and_a_clicked_camera_is_chosen(opened):
         const stage = stages[0], chosen = [], told = [];
         stage.zoom(0);
         for (const name of stage.layers.keys()) stage.choose(name, name === "cameras");
-        await pause(300);
+        await settled();
         for (const index of [0, 3]) {
           const part = stage.light.batches.find((one) => one.mesh.group === "cameras"
             && one.mesh.opacity < 1 && one.mesh.names.includes(out[index]));
@@ -316,7 +316,7 @@ def test_names_never_overlap_from_wherever_one_looks(open_page, tmp_path):
           out.push(boxes);
         }}
         document.querySelector('[data-layer="names"]').click();
-        await pause(300);
+        await settled();
         {SHOWN}
         out.push(boxes);
         return out;
@@ -343,7 +343,7 @@ def test_the_whole_box_is_in_the_pane_at_first_and_after_a_zoom(open_page, tmp_p
     write_html(tmp_path / "rig.html", rig_scene(rig, grid), grid=grid)
     corners = np.stack(np.meshgrid(*zip(grid.lower, grid.upper, strict=True)), -1).reshape(-1, 3)
     seen = f"""
-        await pause(400);
+        await settled();
         const stage = stages[0], canvas = stage.canvas, origin = stage.data.origin;
         return [canvas.clientWidth, canvas.clientHeight, {corners.tolist()}.map(
           (corner) => stage.point(along(corner, origin, -1)))];
