@@ -13,6 +13,7 @@ from rigs import Rig, load_rig, save_rig
 from rigs.calibrate.targets import parse_target
 from rigs.files import atomic_path
 
+PLAIN = ("--model", "brown4")  # the true model: choosing one takes half of a calibration
 TARGET = "charuco:7x5:24:18:DICT_4X4_50"
 CAMERAS = ("cam00", "cam01", "cam02")
 FRAMES = 8
@@ -140,7 +141,7 @@ def test_a_scene_becomes_part_of_the_rig_and_its_windows_are_reported(
     """No pane was there: what is adjusted of it contradicts what was given."""
     monkeypatch.undo()  # its page is looked at
     (tmp_path / "scene.yaml").write_text(yaml.safe_dump({"scene": {"solids": [PANE]}}), "utf-8")
-    options = ("--scene", tmp_path / "scene.yaml", "--refine-window", "pane:thickness=0.2")
+    options = ("--scene", tmp_path / "scene.yaml", "--refine-window", "pane:thickness=0.2", *PLAIN)
     report, said = calibrate(taken[1], *options, "--cache", calibrated[1] / "cache", "--json")
     rig = load_rig(tmp_path / "rig.yaml")
     assert report["cameras"]["cam00"]["looked_through"] == ["pane"]
@@ -176,7 +177,7 @@ def test_names_of_numbers_are_taken_as_they_are_written(calibrate, tmp_path, ima
     (tmp_path / "world.yaml").write_text(
         "09: [0, 0, 0]\n010: [0, 1, 0]\n011: [1, 0, 0]\n", "utf-8"
     )
-    rig, _ = calibrate(images, "--world", tmp_path / "world.yaml", "--rescale")
+    rig, _ = calibrate(images, "--world", tmp_path / "world.yaml", "--rescale", *PLAIN)
     assert "given positions of 09, 010, 011" in rig.world_frame
 
 
@@ -191,7 +192,7 @@ def test_images_that_do_not_belong_are_named_and_left_out(calibrate, images, tak
 
     turned_into(images / "cam01" / "pose_004.png", lambda grey: cv2.blur(grey, (1, 13)))
     shutil.copy(images / "cam02" / "pose_002.png", images / "cam02" / "pose_006.png")
-    rig, said = calibrate(images)
+    rig, said = calibrate(images, *PLAIN)
     for camera, frame in (("cam01", "pose_004"), ("cam02", "pose_006")):
         assert any(camera in line and frame in line for line in said.splitlines())
     assert true_ray_miss(taken[0], rig, taken[0].volume) < 0.03
@@ -208,7 +209,7 @@ def test_lens_images_are_kept_apart_from_pose_images(calibrate, taken, few, tmp_
             shutil.copy(path, lenses / camera / f"{k + number}.png")  # other moments by name
     miss = {}
     for name, options in (("without", ()), ("with", ("--intrinsics-images", lenses))):
-        rig, _ = calibrate(few, *options, "--cache", tmp_path / "cache")
+        rig, _ = calibrate(few, *options, *PLAIN, "--cache", tmp_path / "cache")
         miss[name] = true_ray_miss(taken[0], rig, taken[0].volume)
     assert miss["with"] < 0.06
     assert miss["with"] < miss["without"]

@@ -15,6 +15,7 @@ from rigs import ring
 from rigs.formats.transforms import save_transforms
 from tomo import VoxelGrid, load_scan
 from tomo.io import read_volume
+from tomo.report.outcome_files import Drawn
 from tomo.simulation import simulate_images
 
 pytestmark = pytest.mark.usefixtures("quick_choices")
@@ -131,6 +132,7 @@ def test_a_run_that_is_interrupted_as_it_writes_leaves_the_volume(
     def fail(*_):
         raise KeyboardInterrupt
 
+    monkeypatch.setattr("tomo.report.ahead.drawn", lambda *_: Drawn())
     monkeypatch.setattr("tomo.report.outcome_files.write_pictures", fail)
     assert run_tool("reconstruct", scan, *options).exit_code == 130
     left = {path.name for path in (tmp_path / "out").iterdir()}
