@@ -13,6 +13,7 @@ import pytest
 import rigs
 from phantoms import GaussianBlobs
 from tomo.grid import VoxelGrid
+from tomo.inference import solve
 from tomo.measurement import estimate_noise
 from tomo.model import Observation
 from tomo.operators import Projector
@@ -35,6 +36,30 @@ OPTIONS = (
     "--remote-debugging-pipe",
 )
 FRAMES = 20
+
+
+@contextlib.contextmanager
+def few_iterations_a_solve():
+    """Look for what is wrong with cameras in solves of 6 iterations instead of 16.
+
+    The same is looked for. Tests of how well it is found do without this.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(solve, "THEN", 6)
+        yield
+
+
+@pytest.fixture(scope="session")
+def solve_quickly():
+    """Return `few_iterations_a_solve`: ``with solve_quickly(): ...``."""
+    return few_iterations_a_solve
+
+
+@pytest.fixture(scope="module")
+def quick_solves():
+    """Solves are quick in a whole file of tests, see `few_iterations_a_solve`."""
+    with few_iterations_a_solve():
+        yield
 
 
 @pytest.fixture(scope="session")

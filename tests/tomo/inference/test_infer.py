@@ -16,6 +16,7 @@ from tomo.simulation import simulate_images
 
 OWN = (Gain(), Background(), Blur(), Pose())
 ALL = (*OWN, FallOff(), Absorbing(own=False), Absorbing(own=True))
+FEW = (Gain(), Pose())
 WRONG, SHIFT = 2, (1.2, -0.8)  # pixels
 
 
@@ -29,8 +30,9 @@ def shifted(observed):
 
 
 @pytest.fixture(scope="module")
-def found(shifted):
-    return infer([shifted], OWN)
+def found(shifted, solve_quickly):
+    with solve_quickly():
+        return infer([shifted], FEW)
 
 
 @pytest.fixture(scope="module")
@@ -64,7 +66,9 @@ def test_nothing_is_found_of_exact_cameras(observed):
     assert max(one.max() for one in found.scores.values()) < 1
 
 
-def test_one_camera_is_found_and_no_other_named(found):
+def test_one_camera_is_found_and_no_other_named(shifted):
+    """Nor a fall-off of all."""
+    found = infer([shifted], ALL)
     assert named(found) == {"pose": [WRONG]}
     assert not found.state.has_outside
     assert not found.state.hidden.any()
@@ -79,38 +83,32 @@ def with_gain(observation, gain):
     return replace(observation, images=tuple(images))
 
 
-def test_a_gain_is_found(observed):
-    found = infer([with_gain(observed[0], 0.85)], ALL)
+def test_a_gain_is_found_and_no_fall_off_of_all(observed):
+    found = infer([with_gain(observed[0], 1.2)], ALL)
     assert named(found) == {"gain": [WRONG]}
-    assert found.state.values["gain"][WRONG, 0] == pytest.approx(np.log(0.85), abs=0.02)
+    assert found.state.values["gain"][WRONG, 0] == pytest.approx(np.log(1.2), abs=0.02)
 
 
-def test_a_bright_camera_is_no_fall_off_of_all(observed):
-    assert named(infer([with_gain(observed[0], 1.2)], ALL)) == {"gain": [WRONG]}
-
-
-def test_a_shifted_camera_is_no_fall_off_of_all(shifted):
-    assert named(infer([shifted], ALL)) == {"pose": [WRONG]}
-
-
-def test_the_bits_are_those_of_one_thread(shifted, found, on_threads):
+def test_the_bits_are_those_of_one_thread(shifted, found, on_threads, solve_quickly):
     threads = numba.get_num_threads()
-    with on_threads(1 if threads > 1 else 2):
-        other = infer([shifted], OWN)
+    with on_threads(1 if threads > 1 else 2), solve_quickly():
+        other = infer([shifted], FEW)
     for name, values in found.state.values.items():
         np.testing.assert_array_equal(other.state.values[name], values)
     np.testing.assert_array_equal(other.state.fits[0].unknowns, found.state.fits[0].unknowns)
 
 
-def test_the_order_of_cameras_does_not_matter(shifted, found):
+def test_the_order_of_cameras_does_not_matter(shifted, found, solve_quickly):
     order = [3, 0, 5, 2, 1, 4]
     parts = {
         name: tuple(getattr(shifted, name)[k] for k in order)
         for name in ("images", "masks", "noise")
     }
     cameras = tuple(shifted.rig[k] for k in order)
-    other = infer([replace(shifted, rig=replace(shifted.rig, cameras=cameras), **parts)], OWN)
-    for effect in OWN:  # single precision sums in another order, and the steps go on from there
+    mixed = replace(shifted, rig=replace(shifted.rig, cameras=cameras), **parts)
+    with solve_quickly():
+        other = infer([mixed], FEW)
+    for effect in FEW:  # single precision sums in another order, and the steps go on from there
         before, after = (one.state.values[effect.name] for one in (found, other))
         close = 0.02 * effect.deviation(shifted).max()
         np.testing.assert_allclose(after, before[order], atol=close)
@@ -127,6 +125,7 @@ def beside(frames, shift):
 
 
 def test_frames_of_a_film_share_what_is_found_and_nothing_else(film):
+    film = film[:2]
     found = infer(beside(film, SHIFT), OWN)
     assert named(found) == {"pose": [WRONG]}
     np.testing.assert_allclose(found.state.values["pose"][WRONG, :2], -np.array(SHIFT), atol=0.1)
@@ -137,7 +136,7 @@ def test_frames_of_a_film_share_what_is_found_and_nothing_else(film):
 
 
 def test_nothing_is_found_of_exact_cameras_in_a_film(film):
-    found = infer(film, ALL)
+    found = infer(film[:2], ALL)
     assert named(found) == {}
     assert not found.state.has_outside
     assert not found.state.hidden.any()
@@ -163,6 +162,7 @@ def test_a_frame_without_light_changes_nothing(film):
 
 
 def test_what_hides_the_flame_in_most_frames_is_left_out(film):
+    film = film[:2]
     box, frames = (slice(12, 30), slice(8, 20)), []
     for one in film:
         images = [image.copy() for image in one.images]
@@ -211,7 +211,7 @@ def test_a_camera_that_is_corrected_takes_part(found):
     assert all(found.state.takes_part(view) for view in range(6))
 
 
-def test_what_predicts_left_out_pixels_worse_is_not_taken(shifted, monkeypatch):
+def test_what_predicts_left_out_pixels_worse_is_not_taken(shifted, monkeypatch, solve_quickly):
     """Each effect that explains the shift is barred in turn, and the search goes on and ends."""
     worse = LeftOut(np.zeros(9), np.tile([1.0, 2.0, 1.0], 3))
     judged = []
@@ -220,6 +220,7 @@ def test_what_predicts_left_out_pixels_worse_is_not_taken(shifted, monkeypatch):
         lambda before, after: judged.append(after) or worse,
     )
     assert not worse.is_better
-    found = infer([shifted], OWN)
+    with solve_quickly():
+        found = infer([shifted], OWN)
     assert named(found) == {}
     assert 1 < len(judged) <= 8

@@ -11,6 +11,8 @@ from tomo.inference.solve import first_fits, next_fits
 from tomo.model import Absorber, Absorbing, Background, Blur, FallOff, Gain, Pose
 from tomo.operators.gpu.device_operator import DeviceOperator
 
+pytestmark = pytest.mark.usefixtures("quick_solves")
+
 
 def effects_of(observation):
     gas = [Absorbing(own=False), Absorbing(own=True), Absorber(observation.grid)]
@@ -91,15 +93,14 @@ def test_arrays_of_other_libraries_stay_on_the_device_and_give_the_same_fits(
     assert not copied
 
 
-@pytest.mark.parametrize(("gain", "expected"), [(1.0, set()), (1.08, {"gain"})])
-def test_the_same_is_found_as_on_the_cpu(observed, there, gain, expected):
+def test_the_same_is_found_as_on_the_cpu(observed, there):
     """Sizes differ by a fifth at most of the spread that exact cameras leave."""
     found = []
     for one in (observed[0], there):
-        images = (one.images[0], np.float32(gain) * one.images[1], *one.images[2:])
+        images = (one.images[0], np.float32(1.08) * one.images[1], *one.images[2:])
         found.append(infer([replace(one, images=images)], effects_of(one)[:4]))
     own, device = found
-    assert {name for name, free in own.state.free.items() if free.any()} == expected
+    assert {name for name, free in own.state.free.items() if free.any()} == {"gain"}
     for name, free in own.state.free.items():
         assert np.array_equal(device.state.free[name], free)
         apart = np.abs(device.state.values[name] - own.state.values[name]).max(axis=0)

@@ -43,8 +43,8 @@ def copy(folder, tmp_path):
 
 
 @pytest.fixture(scope="session")
-def outcome(folder, choose_quickly):
-    with choose_quickly():
+def outcome(folder, choose_quickly, solve_quickly):
+    with choose_quickly(), solve_quickly():
         return reconstruct(load_scan(folder))
 
 

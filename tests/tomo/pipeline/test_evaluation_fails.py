@@ -10,24 +10,24 @@ from tomo.pipeline import Options, assess, evaluate, infer, reconstruct
 from tomo.report import result_figures
 from tomo.report.outcome_files import write_outcome
 
-pytestmark = pytest.mark.usefixtures("quick_choices", "coarse_scenes")
+pytestmark = pytest.mark.usefixtures("quick_choices", "quick_solves", "coarse_scenes")
 
 
 class OfALibraryError(Exception):
     """Of no kind that anybody expects."""
 
 
-QUICK = Options(method="mlem", iterations=3)
+QUICK = Options(method="mlem", iterations=3, refine_cameras="none")
 
 
 @pytest.fixture
 def scan(folder):
-    return load_scan(folder)
+    return load_scan(folder).scaled(2)
 
 
 @pytest.fixture(scope="module")
 def whole(folder):
-    return reconstruct(load_scan(folder), options=QUICK)
+    return reconstruct(load_scan(folder).scaled(2), options=QUICK)
 
 
 @pytest.fixture
@@ -66,11 +66,12 @@ def test_a_step_of_the_evaluation_may_fail(
     assert warning in warnings
 
 
-def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken):
+def test_a_comparison_that_diverges_costs_nothing_but_itself(scan, broken, as_given):
     broken(wernet, "wernet_paper", wernet.TrainingDivergedError("loss: found NaN"))
-    found = reconstruct(
-        scan, options=Options(method="mlem", iterations=3, compare=["wernet-paper:1", "mlem:2"])
+    compared = Options(
+        method="mlem", iterations=3, compare=["wernet-paper:1", "mlem:2"], **as_given
     )
+    found = reconstruct(scan, options=compared)
     assert len(found.comparisons) == 1
     assert any("comparison wernet-paper" in line and "NaN" in line for line in found.warnings)
 

@@ -9,19 +9,17 @@ import pytest
 import phantoms
 import rigs
 from rigs import Camera, Distortion, look_at
-from rigs.recordings import write_image
 from tomo import VoxelGrid, load_scan
 from tomo.metrics import nrmse
 from tomo.pipeline import Options, reconstruct
 from tomo.scan import Corrections
 from tomo.simulation import simulate_images
 
-pytestmark = pytest.mark.usefixtures("quick_choices")
+pytestmark = pytest.mark.usefixtures("quick_choices", "quick_solves")
 
-PLACE = (20, 12)
-APART = np.zeros((40, 24), bool)
-APART[6:-6:3, 5:-5:3] = True  # no two beside each other
-UNUSABLE = {"NaN": np.nan, "+inf": np.inf, "-inf": -np.inf}
+PLACE = (15, 9)
+APART = np.zeros((30, 18), bool)
+APART[4:-4:3, 4:-4:3] = True  # no two beside each other
 
 
 def jet(rig, grid, noise=0.0):
@@ -32,10 +30,10 @@ def jet(rig, grid, noise=0.0):
 @pytest.fixture(scope="module")
 def seen():
     rig = rigs.ring(
-        9, distance=300.0, image_size=(24, 40), footprint=0.4,
-        pitch_degrees=[-10.0, 10.0] * 4 + [-10.0],
+        7, distance=300.0, image_size=(18, 30), footprint=0.53,
+        pitch_degrees=[-10.0, 10.0] * 3 + [-10.0],
     )  # fmt: skip
-    return jet(rig, VoxelGrid((12, 28, 12), 0.5), noise=0.02)
+    return jet(rig, VoxelGrid((10, 22, 10), 0.6), noise=0.02)
 
 
 @pytest.fixture
@@ -100,31 +98,14 @@ def test_images_without_a_flame_give_a_finite_volume_or_one_line(scan_of, kind):
     assert len(line.splitlines()) == 1
 
 
-def with_value(value, where=PLACE):
-    def change(image, _random):
-        image[where] = value
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
+def test_a_pixel_that_is_no_number_is_refused_without_a_mask(scan_of, value):
+    def change(image, _):
+        image[PLACE] = value
         return image
 
-    return change
-
-
-@pytest.mark.parametrize("value", UNUSABLE)
-def test_a_pixel_that_is_no_number_is_refused_without_a_mask(scan_of, value):
     with pytest.raises(ValueError, match="1 NaN or infinite pixels"):
-        volume_of(scan_of(with_value(UNUSABLE[value])))
-
-
-def test_pixels_under_a_mask_change_no_bit(scan_of, tmp_path):
-    values = [*UNUSABLE.values(), 1e30, -1e30]
-    places = PLACE[0], PLACE[1] + np.arange(len(values))
-    usable = np.ones((40, 24), np.uint8)
-    usable[places] = 0
-    write_image(tmp_path / "mask.png", usable)
-    masked = Corrections(mask=tmp_path / "mask.png")
-    expected, found = (
-        volume_of(scan_of(with_value(these, places), masked)) for these in (0.0, values)
-    )
-    np.testing.assert_array_equal(found, expected)
+        volume_of(scan_of(change))
 
 
 def brightest(seen):
@@ -147,13 +128,12 @@ def test_a_core_that_is_saturated_in_every_view_is_warned_of(scan_of, seen):
     assert any("seen by no camera" in warning for warning in outcome.warnings)
 
 
-@pytest.mark.parametrize("factor", [0.0, 1e6])
-def test_dead_and_hot_pixels_without_a_mask_cost_little(scan_of, seen, clean_error, factor):
-    level = factor * brightest(seen)
+def test_dead_and_hot_pixels_without_a_mask_cost_little(scan_of, seen, clean_error):
+    levels = [0.0] * 3 + [1e6 * brightest(seen)] * 3
 
     def change(image, random):
-        at = random.choice(np.argwhere(APART), 5, replace=False)
-        image[*at.T] = level
+        at = random.choice(np.argwhere(APART), len(levels), replace=False)
+        image[*at.T] = levels
         return image
 
     assert nrmse(volume_of(scan_of(change)), seen.truth) < 1.5 * clean_error
@@ -184,7 +164,7 @@ def test_cameras_inside_the_grid_prove_nothing_empty_that_lies_behind_them(tmp_p
 
 def test_elsewhere_and_in_other_units_the_error_is_the_same(tmp_path):
     errors = []
-    for number, (off, unit) in enumerate(((0.0, 1.0), (1e7, 1.0), (0.0, 1e-9), (0.0, 1e9))):
+    for number, (off, unit) in enumerate(((0.0, 1.0), (1e7, 1e-9), (0.0, 1e9))):
         center = off * 0.5 * unit * np.array([1, -0.6, 0.4])
         grid = VoxelGrid((16, 24, 16), 0.5 * unit, tuple(center))
         rig = rigs.ring(
@@ -192,4 +172,4 @@ def test_elsewhere_and_in_other_units_the_error_is_the_same(tmp_path):
         ).transformed(np.eye(3), grid.center)
         made = jet(rig, grid)
         errors.append(nrmse(volume_of(load_scan(made.save(tmp_path / str(number)))), made.truth))
-    assert errors[1:] == pytest.approx([errors[0]] * 3, rel=1e-3)
+    assert errors[1:] == pytest.approx([errors[0]] * 2, rel=1e-3)

@@ -16,7 +16,7 @@ from tomo.pipeline import Options, reconstruct
 from tomo.pipeline.methods import method_named
 from tomo.pipeline.place import at_device, training_device
 
-pytestmark = pytest.mark.usefixtures("quick_choices")
+pytestmark = pytest.mark.usefixtures("quick_choices", "quick_solves")
 
 STAND_IN = "computed on Stand-in (cuda:0)"
 

@@ -10,19 +10,20 @@ from tomo.pipeline import Options, reconstruct
 from tomo.scan import save_scan
 from tomo.simulation import simulate_images
 
-pytestmark = pytest.mark.usefixtures("quick_choices")
+pytestmark = pytest.mark.usefixtures("quick_choices", "quick_solves")
 
-GRID = VoxelGrid((16, 24, 16), 1.0)
+GRID = VoxelGrid((12, 18, 12), 1.0)
 
 
 @pytest.fixture(scope="module")
 def made():
-    rig = rigs.ring(12, distance=300.0, image_size=(36, 45), footprint=0.667, pitch_degrees=12)
-    field = phantoms.create("turbulent", seed=3, extent=GRID.extent)
+    rig = rigs.ring(8, distance=300.0, image_size=(28, 34), footprint=0.667, pitch_degrees=12)
+    field = phantoms.create("turbulent", seed=2, extent=GRID.extent)
     return simulate_images(rig, field, GRID, supersample=2, refine=2)
 
 
-QUICK = {"method": "sirt", "iterations": 20}  # where only what is screened counts
+SIRT = {"method": "sirt", "iterations": 20}
+QUICK = {**SIRT, "refine_cameras": "none", "fit_gain": False}  # only what is screened counts
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +48,7 @@ def mirrored(made):
     return {**made.images, "cam03": np.ascontiguousarray(made.images["cam03"][::-1])}
 
 
-def test_an_image_turned_over_is_named_and_turned_back(mirrored, run, clean):
+def test_an_image_turned_over_is_named_and_turned_back(mirrored, made, run, clean):
     outcome = run(mirrored)
     report = outcome.report()
     (found,) = report["findings"]
@@ -58,7 +59,7 @@ def test_an_image_turned_over_is_named_and_turned_back(mirrored, run, clean):
     )
     assert report["screening"]["excluded"] == []
     assert not report["views"]["cam03"]["excluded"]
-    assert len(outcome.views) == 12
+    assert len(outcome.views) == len(made.rig)
     assert any(w.startswith("camera cam03: its image is turned over") for w in outcome.warnings)
     assert outcome.solution.quality["nrmse"] < 1.01 * clean.solution.quality["nrmse"]
 
@@ -69,17 +70,17 @@ def doubled(made):
 
 
 def test_one_image_of_two_cameras_is_left_out_of_both(doubled, run, made):
-    outcome = run(doubled)
+    outcome = run(doubled, **SIRT)
     report = outcome.report()
     assert report["screening"]["excluded"] == ["cam03", "cam04"]
     assert report["views"]["cam03"]["excluded"]
     assert not report["views"]["cam03"]["held_out"]
     assert not report["views"]["cam05"]["excluded"]
     assert "cam03" not in report["held_out"]
-    assert len(outcome.views) == 12
+    assert len(outcome.views) == len(made.rig)
     both = [line for line in outcome.warnings if "its image is that of camera" in line]
     assert [line[:13] for line in both] == ["camera cam03:", "camera cam04:"]
-    absent = run(dict(made.images), hold_out=["cam03", "cam04"])
+    absent = run(dict(made.images), hold_out=["cam03", "cam04"], **SIRT)
     np.testing.assert_array_equal(outcome.volume, absent.volume)
 
 
@@ -90,7 +91,7 @@ def test_screening_can_be_switched_off(mirrored, run):
 
 
 def test_a_wrong_view_held_out_stays_held_out(mirrored, run):
-    outcome = run(mirrored, hold_out=["cam03"], **QUICK)
+    outcome = run(mirrored, hold_out=["cam03"], **SIRT)
     report = outcome.report()
     assert report["screening"]["excluded"] == []
     assert list(report["held_out"]) == ["cam03"]
@@ -107,7 +108,9 @@ def test_outlier_pixels_are_excluded_and_reported(made, run, clean):
     }
     outcome = run(images)
     assert outcome.solution.quality["nrmse"] < 1.2 * clean.solution.quality["nrmse"]
-    assert sum(outcome.screening["outlier_pixels"].values()) > 0.008 * 12 * 36 * 45
+    assert sum(outcome.screening["outlier_pixels"].values()) > 0.008 * sum(
+        image.size for image in images.values()
+    )
     assert {one.effect for one in outcome.findings} == {"bad pixels"}
 
 

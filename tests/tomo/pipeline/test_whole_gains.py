@@ -23,7 +23,7 @@ FIELD = GaussianBlobs(
     [1.0, 0.8, 0.6],
 )
 TRUE = np.array([1.03, 0.98, 1.0, 1.5, 0.97, 1.02, 1.04, 0.99, 0.95, 1.01])
-QUICK = {"uncertainty": 0}
+QUICK = {"uncertainty": 0, "fit_absorption": False, "refine_cameras": "none"}
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +39,7 @@ def scan():
 
 
 @pytest.fixture(scope="module")
-def stages_and_result(scan, choose_quickly):
+def stages_and_result(scan, choose_quickly, solve_quickly):
     kept = []
 
     def assemble(stages, *args, **how):
@@ -48,7 +48,7 @@ def stages_and_result(scan, choose_quickly):
 
     module = sys.modules["tomo.pipeline.reconstruct"]  # the package has a function of this name
     given = module.assemble
-    with pytest.MonkeyPatch.context() as patch, choose_quickly():
+    with pytest.MonkeyPatch.context() as patch, choose_quickly(), solve_quickly():
         patch.setattr(module, "assemble", assemble)
         result = reconstruct(scan, options=Options(**QUICK))
     return kept[0], result
