@@ -42,7 +42,8 @@ FRAMES = 20
 def few_iterations_a_solve():
     """Look for what is wrong with cameras in solves of 6 iterations instead of 16.
 
-    The same is looked for. Tests of how well it is found do without this.
+    The same is looked for, less sharply. Tests of how well the default finds it, those of
+    inference, limits and findings, do without this.
     """
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(solve, "THEN", 6)

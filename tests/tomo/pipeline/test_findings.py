@@ -9,8 +9,6 @@ import phantoms
 import tomo
 from rigs.layouts import ring
 
-pytestmark = pytest.mark.usefixtures("quick_solves")
-
 GRID = tomo.VoxelGrid((14, 16, 14), 1.0)
 FLAME = phantoms.GaussianBlobs(
     [(1.0, -2.0, 0.5), (-2.0, 2.0, 1.0), (1.5, 2.5, -2.0)], [1.9, 1.6, 1.7], [1.0, 0.8, 0.9]
