@@ -35,7 +35,7 @@ def test_no_block_is_longer_than_ten_lines():
 
 
 @pytest.fixture
-def nothing_sought(monkeypatch, as_given):
+def nothing_looked_for(monkeypatch, as_given):
     """Look for nothing that is wrong with images and cameras unless a block asks for it."""
     from tomo import Options
 
@@ -44,7 +44,7 @@ def nothing_sought(monkeypatch, as_given):
     monkeypatch.setattr(Options, "but", lambda self, **asked: but(self, **(given | asked)))
 
 
-@pytest.mark.usefixtures("quick_choice", "coarse_scenes", "nothing_sought")
+@pytest.mark.usefixtures("quick_choice", "coarse_scenes", "nothing_looked_for")
 def test_the_blocks_run_in_their_order(tmp_path, monkeypatch, capsys):
     pytest.importorskip("xarray")
     monkeypatch.chdir(tmp_path)

@@ -56,6 +56,13 @@ def solve_quickly():
     return few_iterations_a_solve
 
 
+@pytest.fixture
+def quick_solve():
+    """Solves are quick in one test, see `few_iterations_a_solve`."""
+    with few_iterations_a_solve():
+        yield
+
+
 @pytest.fixture(scope="module")
 def quick_solves():
     """Solves are quick in a whole file of tests, see `few_iterations_a_solve`."""

@@ -81,7 +81,7 @@ def test_the_report_says_what_was_refined(done):
 def test_a_scan_s_own_rig_stays_and_a_refined_one_goes_with_its_outcome(
     run_tool, scan, nothing_sought
 ):
-    """Of shrunk images, too, the refined rig is that of the recorded ones."""
+    """The refined rig is that of the recorded images, where shrunk ones were used too."""
     before = (scan / "rig.yaml").read_bytes()
     quick = (*QUICK, "--scale", "2", "-o", scan)
     refine = ("--refine-cameras", "cam02,cam03,none")

@@ -97,7 +97,7 @@ def test_a_sphere_of_known_emission_comes_back(lab, as_given):
     assert set(report["scan"]["radiometry"]["per_count"]) == set(RIG.names)
 
 
-def test_calibrated_cameras_set_the_scale_of_all(lab, quick_solves):
+def test_calibrated_cameras_set_the_scale_of_all(lab, quick_solve):
     """Four of twelve are calibrated; the others record up to twice as much as these."""
     _, radiometry = lab
     names = RIG.names[:4]

@@ -102,7 +102,7 @@ def test_a_name_that_is_unknown_is_refused(made, name, words):
         made({name: True})
 
 
-def test_the_truth_does_not_reach_the_solve(copy, grid, outcome, quick_choice, quick_solves):
+def test_the_truth_does_not_reach_the_solve(copy, grid, outcome, quick_choice, quick_solve):
     truth = np.random.default_rng(3).random(grid.shape)
     write_volume(copy / "truth.npz", truth, grid)
     found = reconstruct(load_scan(copy), options=Options(uncertainty=0))

@@ -190,7 +190,7 @@ def test_three_views_are_amber():
     assert "is a guess" in found.reasons[0]
 
 
-def test_a_wrong_rig_is_red(quick_solves):
+def test_a_wrong_rig_is_red(quick_solve):
     shifts = np.random.default_rng(0).uniform(-7, 7, (6, 2))
     poses = {"method": "mlem", "fit_gain": False, "uncertainty": 0}
     assert seen_by(6, shifts, shrink=2, **poses).verdict.level == RED

@@ -117,7 +117,7 @@ def test_wernet_starts_from_the_weighed_default(quick_choice, photons):
 
 
 def test_pixels_of_brighter_cameras_are_worth_more_once_gains_are_corrected(
-    quick_choice, quick_solves, take
+    quick_choice, quick_solve, take
 ):
     """On the mean of three flames: a single one's gain is within its noise."""
     distances = []
