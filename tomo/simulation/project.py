@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, cast
 
 import numpy as np
@@ -18,6 +19,7 @@ from tomo.operators.gpu.names import CPU, ON_CPU
 from tomo.operators.gpu.probe import PROBED
 from tomo.operators.on_the_fly import AttenuatedProjector, OnTheFlyProjector
 from tomo.operators.operator import ProjectionOperator
+from tomo.operators.spmv import product
 from tomo.rays import Rays
 from tomo.simulation.effects import Effects
 
@@ -80,7 +82,9 @@ def project_volumes(
             f"{grid.upper.tolist()}, expected at least one"
         )
     gas = extinction_of(rig)
-    every = ActiveVoxels(fine_grid)  # shared: putting them into the order of storage takes long
+    every = ActiveVoxels(fine_grid)
+    # once for all pixels: with fine voxels this takes longer than the product with some pixels
+    ready = [one.ravel() if device else every.to_storage(one.ravel()) for one in volumes]
     found: list[dict[str, NDArray[np.float32]]] = [{} for _ in volumes]
     done = 0
     for camera, gain in zip(rig, gains, strict=True):
@@ -90,15 +94,17 @@ def project_volumes(
             rays = effects.rays(camera, pixels, supersample)
             centres = np.stack([pixels % width, pixels // width], axis=-1)
             light = gain * effects.falloff(camera, centres)  # 1 where there is neither
-            projector = None
-            for volume, image in zip(volumes, flat, strict=True):
-                if projector is None or effects.self_absorption:
+            project: Callable[[NDArray], NDArray] | None = None
+            for volume, values, image in zip(volumes, ready, flat, strict=True):
+                if project is None or effects.self_absorption:
                     if device is None:
                         segments = effects.trace(rays, fine_grid, volume, tracer, gas)
                         projector = Projector(segments, fine_grid, active=every)
+                        project = partial(product, projector.matrix, entries=len(segments))
                     else:
-                        projector = _on_device(rays, every, effects.gas(gas), volume, device)
-                image[pixels] = (projector @ volume.ravel()) * light
+                        moved = _on_device(rays, every, effects.gas(gas), volume, device)
+                        project = moved.matvec
+                image[pixels] = project(values) * light
             done += len(pixels)
             if progress is not None:
                 progress(done, total, camera.name)

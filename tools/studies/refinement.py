@@ -64,14 +64,14 @@ def rigs_refined(request: Request, seeds: Sequence[int], error: float) -> list[d
         scan = simulated_by(true, grid, ("turbulent", seed), supersample=3, noise=NOISE, seed=seed)
         given = disturbed(true, grid, seed, error)
         wrong = replace(scan, rig=given)
-        began = time.perf_counter()
+        began = time.process_time()
         found = reconstructed(wrong, grid, refine_cameras="all", method="sirt", iterations=2)
-        seconds = time.perf_counter() - began
+        seconds = time.process_time() - began
         rig = found.refined_rig or given
         points = box_points(grid.lower, grid.upper, POINTS)
         before, after = (ray_miss(true, one, points) / footprint for one in (given, rig))
         row = {"seed": seed, "before_pixels": before, "after_pixels": after}
-        rows.append(row | {"accepted": found.refinement["accepted"], "seconds": seconds})
+        rows.append(row | {"accepted": found.refinement["accepted"], "cpu_seconds": seconds})
     return rows
 
 

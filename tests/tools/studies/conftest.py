@@ -29,7 +29,7 @@ class InTurn(nullcontext):
 @pytest.fixture
 def in_this_process(monkeypatch):
     """Studies of scenes start no processes."""
-    from studies.scenes import processes
+    from studies.common import processes
 
     monkeypatch.setattr(processes, "_pool", InTurn)
 

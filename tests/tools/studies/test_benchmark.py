@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from studies.benchmark import STUDY, accuracy, projectors
 from studies.benchmark import solvers as solver_part
+from studies.benchmark.convergence import means
 from studies.common.study import Request
 
 from tomo import solvers
@@ -27,7 +28,9 @@ def folder(run_tool, tmp_path_factory, images_as_given):
         patch.setattr(projectors, "_joseph", lambda *given: [])  # see test_emission
         patch.setattr(solver_part, "RIGS", (33,))
         patch.setattr(solver_part, "NOISES", ("clean", "gaussian"))
-        done = run_tool("benchmark", "--size", "tiny", *parts, "-o", out, "--json")
+        done = run_tool(
+            "benchmark", "--size", "tiny", "--processes", 1, *parts, "-o", out, "--json"
+        )
     assert done.exit_code == 0, (done.stderr, done.exception)
     assert json.loads(done.stdout)["page"] == str(out / "benchmark.md")
     return out
@@ -83,6 +86,18 @@ def test_solvers_come_near_the_truth(tables):
         assert row["of_best_art"] == pytest.approx(expected, rel=1e-3)
     noisy, clean = (only(rows, method="art", views=33, noise=n)[0] for n in ("gaussian", "clean"))
     assert noisy["cosine_distance"] > clean["cosine_distance"]
+
+
+def test_means_are_over_the_seeds():
+    rows = [
+        {"flame": flame, "seed": seed, "best": best, "nrmse": nrmse}
+        for flame, seed, best, nrmse in (
+            ("jet", 1, "cgls", 0.02), ("jet", 2, "mlem", 0.04), ("sheet", 1, "mlem", 0.1),
+        )
+    ]  # fmt: skip
+    jet, sheet = means(rows, "flame")
+    assert jet == {"flame": "jet", "seeds": 2, "best": "cgls / mlem", "nrmse": pytest.approx(0.03)}
+    assert (sheet["seeds"], sheet["nrmse"]) == (1, 0.1)
 
 
 def test_skipping_is_compared_with_itself(tables):

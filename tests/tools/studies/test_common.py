@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import subprocess
 import sys
 import types
@@ -60,6 +61,26 @@ def test_an_interrupted_run_goes_on(study, tmp_path):
     assert study(first=fails, second=rows(0.5))("-o", tmp_path, "--resume").exit_code == 0
     assert list(parts_in(tmp_path)) == ["first", "second"]
     assert parts_in(tmp_path)["first"] == before["first"]
+
+
+def test_parts_run_together_on_one_thread_each(monkeypatch, tmp_path):
+    monkeypatch.syspath_prepend(tmp_path)
+    for name in ("first", "second"):
+        (tmp_path / f"{name}_made_up.py").write_text(
+            '"""Which process this is."""\nimport os\n\ndef run(request):\n'
+            "    words = os.getpid(), os.environ['NUMBA_NUM_THREADS'], request.seed\n"
+            "    return {'rows': [dict(zip(('process', 'threads', 'seed'), words))]}\n"
+        )
+    listed = {name: (name, f"{name}_made_up") for name in ("first", "second")}
+    app = command(Study("study", "A study.", listed, together=("second", "first")))
+    done = CliRunner().invoke(app, ["-o", str(tmp_path / "out"), "--seed", "3"])
+    assert done.exit_code == 0, done.exception
+    parts = parts_in(tmp_path / "out")
+    assert list(parts) == ["first", "second"]
+    for part in parts.values():
+        (row,) = part["tables"]["rows"]
+        assert (int(row["threads"]), row["seed"]) == (1, 3)
+        assert row["process"] != os.getpid()
 
 
 def test_only_what_is_asked_runs_with_what_was_asked(study, tmp_path):

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from studies.benchmark import mismatch
 from studies.benchmark.convergence import CLASSIC
-from studies.benchmark.mismatch import EFFECTS, mismatch_row, mismatch_scene, with_ratios
+from studies.benchmark.mismatch import EFFECTS, mismatch_row, mismatch_scene
 from studies.benchmark.sizes import SIZES
 
 TINY = SIZES["tiny"].shown
@@ -87,33 +87,19 @@ def test_true_weights_explain_the_images(scene, effect):
 
 
 def test_a_row_holds_the_best_of_each_kind(row):
-    assert len(row["tried"]) == len(CLASSIC)
-    assert {name.split(",")[0] for name in row["tried"]} == {
+    tried = dict(row["tried"])
+    assert len(tried) == len(CLASSIC)
+    assert {name.split(",")[0] for name in tried} == {
         "cgls", "nnls", "sirt", "mlem", "tv", "curvature",
     }  # fmt: skip
-    assert row["classic_cosine_distance"] == min(row["tried"].values())
-    assert row["classic_cosine_distance"] == row["tried"][row["classic"]]
+    assert row["classic_cosine_distance"] == min(tried.values())
+    assert row["classic_cosine_distance"] == tried[row["classic"]]
     assert row["classic_pass"] > 0
     assert row["classic_nrmse"] > 0.05
     assert 0 < row["informed_cosine_distance"] < 0.1
     assert row["wernet_cosine_distance"] == pytest.approx(0, abs=1e-12)
     assert row["wernet_nrmse"] == pytest.approx(1)  # twice the truth
     assert row["wernet_seconds"] == 4
-
-
-def test_means_are_of_the_rows(row):
-    rows = [
-        row | {"seed": seed, "effect": effect, "classic": classic, "classic_cosine_distance": d,
-               "wernet_cosine_distance": learned}
-        for effect, seed, classic, d, learned in (
-            ("gains", 1, "cgls", 0.02, 0.006), ("gains", 2, "mlem", 0.04, 0.012),
-            ("absorption", 1, "mlem", 0.02, 0.006),
-        )
-    ]  # fmt: skip
-    found = with_ratios(rows)
-    assert [mean["seeds"] for mean in found] == [2, 1]
-    gains = found[0]
-    assert gains["classic"] == "cgls / mlem"
-    assert gains["classic_cosine_distance"] == pytest.approx(0.03)
-    assert gains["wernet_of_classic"] == pytest.approx(0.3)
-    assert gains["informed_of_classic"] > 0
+    assert row["informed_of_classic"] == pytest.approx(
+        row["informed_cosine_distance"] / row["classic_cosine_distance"]
+    )

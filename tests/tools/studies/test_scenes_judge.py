@@ -8,7 +8,8 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from studies.scenes import compare, findings, judge, processes
+from studies.common import processes
+from studies.scenes import compare, findings, judge
 from studies.scenes.findings import accused, findings_of, is_alarm, named, verdict_of
 from studies.scenes.recipe import Recipe
 

@@ -19,6 +19,7 @@ from studies.benchmark.sizes import SIZES
 from studies.common.flames import NOISES, RIGS, Scene, scene
 from studies.common.scans import problem, reconstructed, seconds_of
 from studies.common.study import Request, Tables
+from studies.scenes.scene import warm_up
 from tomo import metrics
 from tomo.operators import LINEAR, VOXEL
 
@@ -31,6 +32,7 @@ SEEDS = 2
 
 def run(request: Request) -> Tables:
     """Return a row a flame, number of views and noise."""
+    warm_up()
     sizes = SIZES[request.size]
     finer = replace(sizes.shown, refine=REFINE)
     cases = itertools.product(sizes.seeds[:SEEDS], sizes.flames, RIGS, NOISES)

@@ -13,6 +13,7 @@ from typing import Any
 
 from studies.common.scans import reconstructed, seconds_of
 from studies.common.study import Request, Tables
+from studies.scenes.scene import warm_up
 from tomo import Scan, VoxelGrid, load_scan
 
 SCAN = Path("scalarflow") / "transforms.json"
@@ -33,6 +34,7 @@ def run(request: Request) -> Tables:
     """Return both frames' five leave-one-out views; with fewer sizes one frame's two."""
     if request.data is None or not (request.data / SCAN).is_file():
         return {"plume": []}
+    warm_up()
     full = request.size == "full"
     scan = load_scan(request.data / SCAN).scaled(6 if full else 12)
     grid = VoxelGrid.from_bounds((64, 96, 64) if full else (32, 48, 32), LOWER, UPPER)

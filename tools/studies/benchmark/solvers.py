@@ -19,6 +19,7 @@ from studies.benchmark.sizes import SIZES, Sizes
 from studies.common.flames import NOISES, RIGS, Scene, scene
 from studies.common.scans import Problem, problem, reconstructed, seconds_of
 from studies.common.study import Request, Tables
+from studies.scenes.scene import warm_up
 from tomo import solvers
 
 BASELINE, AUTO = "art", "auto"
@@ -40,6 +41,7 @@ SETTINGS = 2
 
 def run(request: Request) -> Tables:
     """Return a row a flame, number of views, noise and method: means over the seeds."""
+    warm_up()
     sizes = SIZES[request.size]
     scenes = itertools.product(sizes.flames, (0, *sizes.seeds), RIGS, NOISES)
     settings: dict[tuple, dict[str, Mapping[str, Any]]] = {}

@@ -12,6 +12,7 @@ from typing import Annotated, Any, TypeVar
 import typer
 
 from rigs.progress import progress_of
+from studies.common.processes import MOST
 from tomo.cli.console import bad_input_in_one_line, print_json, say
 from tomo.cli.declared import command_line
 from tomo.cli.inputs import check_output_folder
@@ -22,6 +23,10 @@ T = TypeVar("T")
 VERSION = 3
 
 
+def _silent(done: int, total: int, what: str) -> None:
+    """Report nothing."""
+
+
 @dataclass(frozen=True)
 class Request:
     """What a part is asked for."""
@@ -30,7 +35,7 @@ class Request:
     seed: int = 0  # of everything random
     data: Path | None = None  # a folder of real image sets
     device: str = "cuda"  # the GPU of parts that need one
-    progress: Progress = field(default=lambda done, total, what: None, compare=False)
+    progress: Progress = field(default=_silent, compare=False)
 
     def each(self, cases: Iterable[T], words: Callable[[T], str]) -> Iterator[T]:
         """Yield cases, each after its words were said as progress."""
@@ -54,6 +59,9 @@ class Study:
     parts: Mapping[str, tuple[str, str]]
     sizes: tuple[str, ...] = ("full", "quick", "tiny")
     gather: Callable[[Any], Tables] = dict
+    # parts whose figures other work does not change, the longest first: they run at the same time,
+    # in processes of one thread each, after the others
+    together: tuple[str, ...] = ()
 
     def module(self, part: str) -> ModuleType:
         """Return the module of a part."""
@@ -99,6 +107,15 @@ def command(study: Study) -> typer.Typer:
                 hidden="gpu" not in study.parts,
             ),
         ] = Request.device,
+        processes: Annotated[
+            int,
+            typer.Option(
+                help="How many parts without wall times run at once, each on one thread; "
+                "1: one after the other, on all threads.",
+                min=1,
+                hidden=not study.together,
+            ),
+        ] = MOST,
         json: Annotated[bool, typer.Option("--json", help="Print the tables.")] = False,
     ) -> None:
         with bad_input_in_one_line():
@@ -115,7 +132,7 @@ def command(study: Study) -> typer.Typer:
             result = fresh_run(study.name, VERSION, request)
             if resume:
                 result = kept_run(out / f"{study.name}.json", result)
-        missed = _measure(study, request, result, out, part)
+        missed = _measure(study, request, result, out, part, processes)
         if json:
             print_json({"page": str(out / f"{study.name}.md"), "parts": result["parts"]})
         if missed:
@@ -130,29 +147,16 @@ def _measure(
     result: dict[str, Any],
     out: Path,
     wanted: Iterable[str] | None,
+    processes: int,
 ) -> int:
     """Run the parts that are wanted and not there yet; return how many rows do not hold."""
-    from rigs.files.text import plain, write_json, write_text
+    from rigs.files.text import write_json, write_text
     from studies.common.page import page
-    from studies.common.results import cpu_seconds, load
 
     kept = dict(result["parts"])
-    for name in dict.fromkeys(wanted or study.parts):
-        if name in result["parts"]:
-            continue
-        module, loaded = study.module(name), load()
-        started, busy = time.perf_counter(), cpu_seconds()
-        try:
-            getattr(module, "check", _accept)(request)
-        except ValueError as error:
-            say(f"{name}: left out: {error}")
-            continue
-        with progress_of(True, name) as progress:
-            tables = study.measure(name, replace(request, progress=progress))
-        record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
-        record["cpu_seconds"] = cpu_seconds() - busy
-        record["pictures"] = _draw(module, tables, out, study.name)
-        kept[name] = record | {"tables": plain(_stored(tables), digits=5)}
+    missing = [name for name in dict.fromkeys(wanted or study.parts) if name not in kept]
+    for name, record in _records(study, request, out, missing, processes):
+        kept[name] = record
         result["parts"] = {key: kept[key] for key in study.parts if key in kept}
         write_json(out / f"{study.name}.json", result, indent=1)
         write_text(out / f"{study.name}.md", page(study, result))
@@ -163,6 +167,42 @@ def _measure(
         say(f"{len(rows) - missed} of {len(rows)} rows hold")
     say(str(out / f"{study.name}.md"))
     return missed
+
+
+def _records(
+    study: Study, request: Request, out: Path, names: Iterable[str], processes: int
+) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield parts and what was measured as they are done, first those that run alone."""
+    from studies.common.processes import at_work
+
+    together = {}
+    for name in sorted(names, key=lambda name: (*study.together, name).index(name)):
+        try:
+            getattr(study.module(name), "check", _accept)(request)
+        except ValueError as error:
+            say(f"{name}: left out: {error}")
+            continue
+        if name in study.together and processes > 1:
+            together[name] = study, name, request, out
+        else:
+            yield name, measured(study, name, request, out)
+    if together:
+        yield from at_work(measured, together, processes)
+
+
+def measured(study: Study, name: str, request: Request, out: Path) -> dict[str, Any]:
+    """Run a part and draw its pictures; return its tables and its cost."""
+    from rigs.files.text import plain
+    from studies.common.results import cpu_seconds, load
+
+    module, loaded = study.module(name), load()
+    started, busy = time.perf_counter(), cpu_seconds()
+    with progress_of(True, name) as progress:
+        tables = study.measure(name, replace(request, progress=progress))
+    record = {"seconds": time.perf_counter() - started, "load_at_start": loaded}
+    record["cpu_seconds"] = cpu_seconds() - busy
+    record["pictures"] = _draw(module, tables, out, study.name)
+    return record | {"tables": plain(_stored(tables), digits=5)}
 
 
 def _accept(request: Request) -> None:

@@ -15,12 +15,13 @@ from rigs.progress import progress_of
 from studies.common.axes import curves
 from studies.common.fingerprint import commit
 from studies.common.page import markdown, sections
+from studies.common.processes import MOST, at_work
 from studies.common.results import fresh_run, kept_run, load
 from studies.common.study import Request, Tables, check_known
 from studies.emission import archive as archives
 from studies.emission.methods import METHODS, ours
 from studies.emission.scenes import GRID, QUICK, SCENES, TINY_GRID, VERSION, seen
-from studies.scenes.processes import MOST, at_work, warm_up
+from studies.scenes.scene import warm_up
 from tomo import VoxelGrid
 from tomo.cli.console import bad_input_in_one_line, print_json, say
 from tomo.cli.inputs import check_output_file, check_output_folder

@@ -20,12 +20,12 @@ from typing import Any
 import numpy as np
 
 from rigs.files.text import plain, write_json
+from studies.common.processes import at_work
 from studies.common.study import Progress
 from studies.scenes.faults import FAULTS
 from studies.scenes.findings import essence, findings_of, verdict_of
-from studies.scenes.processes import at_work, warm_up
 from studies.scenes.recipe import VERSION, Recipe
-from studies.scenes.scene import known_scene
+from studies.scenes.scene import known_scene, warm_up
 from tomo import Options, reconstruct
 
 Row = dict[str, Any]

@@ -2,9 +2,9 @@
 
 Sixteen views of 36 x 48 x 36 voxels: one scene without a fault, and the same through a cloud and a
 sheath that absorb, with unequal vignettes, veils, refraction and defocus. ``default`` never trains
-an encoder, ``without`` is ``wernet`` before it trains one. ``times`` is the default's error over
-that of the faultless scene, ``of_default`` wernet's error over the default's, and ``kept`` whether
-wernet kept what it learned. CPU seconds are without intervals.
+an encoder, and ``wernet`` begins where it ends. ``times`` is the default's error over that of the
+faultless scene, ``of_default`` wernet's error over the default's, and ``kept`` whether wernet kept
+what it learned. CPU seconds are without intervals.
 """
 
 from __future__ import annotations
@@ -31,7 +31,6 @@ OPTICS = {
 METHODS: Mapping[str, Mapping[str, Any]] = {
     "default": {},
     "wernet": {"method": "wernet"},
-    "without": {"method": "wernet", "iterations": 0},
     "mlem": {"method": "mlem"},
 }
 ERRORS = "nrmse", "cosine_distance"

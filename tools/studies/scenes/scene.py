@@ -5,6 +5,7 @@ from __future__ import annotations
 import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cache as once
 from pathlib import Path
 from types import MappingProxyType
 
@@ -20,7 +21,7 @@ from studies.scenes.exposure import BRIGHTEST, CLEAN, Exposure, corrections, rec
 from studies.scenes.faults import KNOWN, Exposures, Setting
 from studies.scenes.fields import KnownField
 from studies.scenes.recipe import Recipe
-from tomo import Scan, VoxelGrid
+from tomo import Scan, VoxelGrid, reconstruct
 
 TRUTH_POINTS = 6
 """Points along each edge of a voxel whose mean is the truth; half-voxel sheets need as many."""
@@ -78,6 +79,14 @@ def known_scene(recipe: Recipe, cache: Path | None = None) -> KnownScene:
     images = MappingProxyType({name: arrays[name] for name in rig.names})
     wrong = tuple(rig.names[view] for view in arrays["_wrong"])
     return KnownScene(recipe, rig, recipe.grid, images, arrays["_truth"], wrong)
+
+
+@once
+def warm_up() -> None:
+    """Compile or load kernels, once a process: seconds are those of a process at work."""
+    for views in (6, 12):
+        recipe = Recipe("settle", "tilted cone", f"ring-{views}", CLEAN, 0)
+        reconstruct(known_scene(recipe).scan)
 
 
 def _kept(cache: Path | None, key: str, make: Callable[[], Arrays]) -> Arrays:

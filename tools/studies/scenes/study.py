@@ -12,13 +12,13 @@ import typer
 from rigs.files.text import plain, write_json, write_text
 from rigs.progress import progress_of
 from studies.common.page import sections
+from studies.common.processes import MOST
 from studies.common.results import machine
 from studies.common.study import check_known
 from studies.scenes import judge, learned, parts
 from studies.scenes.compare import tables_of
 from studies.scenes.design import everything, sample
 from studies.scenes.patches import parsed, patched
-from studies.scenes.processes import MOST
 from studies.scenes.recipe import HALVES
 from studies.scenes.trial import Trials
 from tomo import Options

@@ -15,13 +15,13 @@ from numpy.typing import NDArray
 from scipy.stats import spearmanr
 
 from rigs.files.text import plain, write_json
+from studies.common.processes import MOST, at_work
 from studies.common.scans import seconds_of
 from studies.common.study import Progress
 from studies.scenes.oracle import best_of
 from studies.scenes.patches import patched
-from studies.scenes.processes import MOST, at_work, warm_up
 from studies.scenes.recipe import Recipe
-from studies.scenes.scene import known_scene
+from studies.scenes.scene import known_scene, warm_up
 from tomo import Reconstruction
 from tomo.uncertainty import summaries
 from tomo.uncertainty.intervals import NORMAL

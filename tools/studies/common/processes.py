@@ -1,4 +1,4 @@
-"""Processes of one thread each that work through scenes."""
+"""Processes of one thread each that work through jobs."""
 
 from __future__ import annotations
 
@@ -7,13 +7,8 @@ import os
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ProcessPoolExecutor, as_completed
-from functools import cache as once
 from typing import Any
 from unittest import mock
-
-from studies.scenes.exposure import TWELVE_BIT
-from studies.scenes.recipe import Recipe
-from studies.scenes.scene import known_scene
 
 MOST = 2
 
@@ -40,16 +35,6 @@ def at_work(
                     yield running[done], done.result()
         finally:
             _cancel(running)
-
-
-@once
-def warm_up() -> None:
-    """Compile or load kernels, once a process: seconds are those of a process at work."""
-    from tomo import reconstruct
-
-    for views in (6, 12):
-        recipe = Recipe("settle", "tilted cone", f"ring-{views}", TWELVE_BIT, 0)
-        reconstruct(known_scene(recipe).scan)
 
 
 def _cancel(running: Iterable[Future[Any]]) -> None:
