@@ -23,5 +23,5 @@ STUDY = Study(
         "calibration": ("Calibration against known rigs", "studies.calibration.study"),
         "refinement": ("Cameras refined from the flame", "studies.refinement"),
     },
-    together=("mismatch", "accuracy", "optics", "refinement", "solvers", "learned", "plume"),
+    together=("mismatch", "optics", "accuracy", "refinement", "plume", "solvers", "learned"),
 )

@@ -59,8 +59,8 @@ class Study:
     parts: Mapping[str, tuple[str, str]]
     sizes: tuple[str, ...] = ("full", "quick", "tiny")
     gather: Callable[[Any], Tables] = dict
-    # parts whose figures other work does not change, the longest first: they run at the same time,
-    # in processes of one thread each, after the others
+    # parts whose figures other work does not change, in the order in which they begin: they run at
+    # the same time, in processes of one thread each, after the others
     together: tuple[str, ...] = ()
 
     def module(self, part: str) -> ModuleType:
