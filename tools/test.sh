@@ -12,6 +12,8 @@ if ! find_browser >/dev/null; then
     fi
 fi
 
+# Tests start many processes: what one compiled serves the others.
+unset PYTHONDONTWRITEBYTECODE
 # Two files of tests at a time; threads that wait leave the cores to the others. -n 0 undoes it.
 export OMP_WAIT_POLICY="${OMP_WAIT_POLICY:-passive}"
 export PYTEST_ADDOPTS="-n 2 --dist loadfile --no-loadscope-reorder ${PYTEST_ADDOPTS-}"
