@@ -25,7 +25,11 @@ def kernel(x):
 def test_a_helper_in_another_file_is_not_outlived_by_a_cached_kernel(tmp_path):
     (tmp_path / "kernel.py").write_text(KERNEL)
     paths = os.pathsep.join([str(tmp_path), os.getcwd()])
-    environment = os.environ | {"NUMBA_CACHE_DIR": str(tmp_path / "cache"), "PYTHONPATH": paths}
+    environment = os.environ | {
+        "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        "PYTHONPATH": paths,
+        "PYTHONDONTWRITEBYTECODE": "1",  # it tells sources by their length and second
+    }
     count = (
         "from kernel import kernel; value = kernel(1.0); "
         "print(value, sum(kernel.stats.cache_hits.values()))"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from studies.benchmark import STUDY, accuracy, projectors
+from studies.benchmark import STUDY, accuracy, plume, projectors
 from studies.benchmark import solvers as solver_part
 from studies.benchmark.convergence import means
 from studies.common.study import Request
@@ -26,6 +26,8 @@ def folder(run_tool, tmp_path_factory, images_as_given):
     parts = [word for part in PARTS for word in ("--part", part)]
     with pytest.MonkeyPatch.context() as patch:  # one rig and two noises are all kinds of rows
         patch.setattr(projectors, "_joseph", lambda *given: [])  # see test_emission
+        patch.setattr(solver_part, "warm_up", lambda: None)
+        patch.setattr(plume, "warm_up", lambda: None)
         patch.setattr(solver_part, "RIGS", (33,))
         patch.setattr(solver_part, "NOISES", ("clean", "gaussian"))
         done = run_tool(
