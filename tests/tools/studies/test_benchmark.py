@@ -151,6 +151,7 @@ def test_a_process_takes_longer_the_more_it_does():
 
 
 def test_the_default_is_compared_with_the_best_classic_method(monkeypatch):
+    monkeypatch.setattr(accuracy, "warm_up", lambda: None)
     monkeypatch.setattr(accuracy, "RIGS", (33,))
     monkeypatch.setattr(accuracy, "NOISES", ("gaussian",))
     for row in STUDY.measure("accuracy", Request("tiny"))["accuracy"]:
