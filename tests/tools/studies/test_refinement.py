@@ -9,7 +9,6 @@ from studies.common.study import Request
 
 def test_a_small_rig_is_refined(monkeypatch, quick_choice):
     monkeypatch.setattr(refinement, "VIEWS", 8)
-    monkeypatch.setattr(refinement, "NOISES", (0.005,))
     few = partial(refinement.reconstructed, fit_absorption=False, uncertainty=0)
     monkeypatch.setattr(refinement, "reconstructed", few)
     tables = refinement.run(Request("tiny"))

@@ -53,7 +53,7 @@ SIZES = {
     "quick": Sizes(
         flame=FlameSize((15, 70, 15), 1.0, 4),
         shown=FlameSize((15, 70, 15), 1.0, 2),
-        flames=("jet", "turbulent"),
+        flames=("turbulent",),
         seeds=(1,),
         passes=20,
         repeats=3,
@@ -66,7 +66,7 @@ SIZES = {
         views=(4, 8, 16),
         views_edge=64,
         large=(96, 24, 192),
-        starts=3,
+        starts=1,
         afresh=("kernels",),
     ),
     "tiny": Sizes(

@@ -34,11 +34,12 @@ Row = dict[str, Any]
 
 
 def run(request: Request) -> Tables:
-    """Reconstruct every case with every flame."""
-    scale, count = (1.0, SEEDS) if request.size == "full" else (SMALL, 1)
+    """Reconstruct every case with every flame; in a quick or tiny run every other one."""
+    scale, count, every = (1.0, SEEDS, 1) if request.size == "full" else (SMALL, 1, 2)
     seeds = range(request.seed + 1, request.seed + 1 + count)
     rows: list[Row] = []
-    for seed, name in request.each(product(seeds, CASES), "{0[1]}, seed {0[0]}".format):
+    cases = product(seeds, list(CASES)[::every])
+    for seed, name in request.each(cases, "{0[1]}, seed {0[0]}".format):
         rows += case_rows(name, seed, scale)
     return summaries(rows) | {"runs": rows}
 
