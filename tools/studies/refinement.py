@@ -124,7 +124,7 @@ def plume(request: Request, folder: Path) -> list[dict[str, Any]]:
     grid = VoxelGrid.from_bounds(shape, LOWER, UPPER)
     first, second = scan.frame_names[:2]
     rows = []
-    names = scan.rig.names[: 2 if tiny else None]
+    names = scan.rig.names[: 1 if tiny else None]
     for name in request.each(names, "plume without {}".format):
         chosen = [camera for camera in NOMINAL if camera != name]
         how = {"hold_out": [name], "peak": 1.0}

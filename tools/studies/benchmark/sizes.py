@@ -57,7 +57,7 @@ SIZES = {
         seeds=(1,),
         passes=20,
         repeats=3,
-        effects=("gains + absorption",),
+        effects=("gains",),
         training_steps=1,
         rates=((32, 4),),
         stored=(24, 4),
@@ -67,7 +67,7 @@ SIZES = {
         views_edge=64,
         large=(96, 24, 192),
         starts=1,
-        afresh=("kernels",),
+        afresh=(),
     ),
     "tiny": Sizes(
         flame=FlameSize((6, 28, 6), 2.5, 10, supersample=2),
