@@ -175,19 +175,19 @@ def _records(
     """Yield parts and what was measured as they are done, first those that run alone."""
     from studies.common.processes import at_work
 
-    together = {}
-    for name in sorted(names, key=lambda name: (*study.together, name).index(name)):
+    together = []
+    for name in names:
         try:
             getattr(study.module(name), "check", _accept)(request)
         except ValueError as error:
             say(f"{name}: left out: {error}")
             continue
         if name in study.together and processes > 1:
-            together[name] = study, name, request, out
+            together.append(name)
         else:
             yield name, measured(study, name, request, out)
-    if together:
-        yield from at_work(measured, together, processes)
+    jobs = {name: (study, name, request, out) for name in study.together if name in together}
+    yield from at_work(measured, jobs, processes)
 
 
 def measured(study: Study, name: str, request: Request, out: Path) -> dict[str, Any]:

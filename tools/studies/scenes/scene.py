@@ -17,7 +17,15 @@ from rigs import Rig
 from rigs.files import atomic_path
 from rigs.files.size_guard import read_arrays
 from studies.scenes import cameras
-from studies.scenes.exposure import BRIGHTEST, CLEAN, Exposure, corrections, recorded, stored
+from studies.scenes.exposure import (
+    BRIGHTEST,
+    CLEAN,
+    TWELVE_BIT,
+    Exposure,
+    corrections,
+    recorded,
+    stored,
+)
 from studies.scenes.faults import KNOWN, Exposures, Setting
 from studies.scenes.fields import KnownField
 from studies.scenes.recipe import Recipe
@@ -85,7 +93,7 @@ def known_scene(recipe: Recipe, cache: Path | None = None) -> KnownScene:
 def warm_up() -> None:
     """Compile or load kernels, once a process: seconds are those of a process at work."""
     for views in (6, 12):
-        recipe = Recipe("settle", "tilted cone", f"ring-{views}", CLEAN, 0)
+        recipe = Recipe("settle", "tilted cone", f"ring-{views}", TWELVE_BIT, 0)
         reconstruct(known_scene(recipe).scan)
 
 
