@@ -84,7 +84,7 @@ def project_volumes(
     gas = extinction_of(rig)
     every = ActiveVoxels(fine_grid)
     # once for all pixels: with fine voxels this takes longer than the product with some pixels
-    ready = [one.ravel() if device else every.to_storage(one.ravel()) for one in volumes]
+    ready = [every.to_storage(one.ravel()) if device is None else one.ravel() for one in volumes]
     found: list[dict[str, NDArray[np.float32]]] = [{} for _ in volumes]
     done = 0
     for camera, gain in zip(rig, gains, strict=True):
