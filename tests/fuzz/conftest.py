@@ -1,5 +1,4 @@
 import sys
 from pathlib import Path
 
-HERE = Path(__file__).parent
-sys.path += [str(HERE), str(HERE.parent / "rigs" / "recordings")]  # for `samples`, `film_files`
+sys.path.append(str(Path(__file__).parent.parent / "rigs" / "recordings"))  # for `film_files`
