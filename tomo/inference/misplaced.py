@@ -36,22 +36,23 @@ def is_dark(image: NDArray[np.floating], mask: NDArray[np.bool_], noise: NoiseMo
     return max(brightest, float(light.sum()) / math.sqrt(light.size)) < LIGHT * spread
 
 
-def doubles(images: Sequence[NDArray[np.floating]]) -> list[tuple[int, int]]:
-    """Return the pairs of images that are the same, pixel by pixel, and not dark."""
-    return [
-        (first, second)
-        for second in range(len(images))
-        for first in range(second)
-        if images[first].shape == images[second].shape
-        and images[first].any()
-        and np.array_equal(images[first], images[second])
-    ]
+def doubles(images: Sequence[NDArray[np.floating]]) -> list[list[int]]:
+    """Return the groups of views with the same image, pixel by pixel, that is not dark."""
+    groups: list[list[int]] = []
+    for view, image in enumerate(images):
+        own = next((one for one in groups if np.array_equal(images[one[0]], image)), None)
+        if own is None:
+            groups.append([view])
+        else:
+            own.append(view)
+    return [one for one in groups if len(one) > 1 and images[one[0]].any()]
 
 
 BETTER = 0.5
 """Squared error of a prediction over that by the image as it is, from which another orientation,
-or another camera's image, is taken for the right one; also that of most other views over a
-view's own, below which it shows another flame (`tomo.inference.left_out`)."""
+or another camera's image, is taken for the right one, and an image for that of one camera and not
+of another; also that of most other views over a view's own, below which it shows another flame
+(`tomo.inference.left_out`)."""
 
 DOUBTED = 0.05
 """Fraction of a view's lit pixels that lost their weight from which it is looked at: an image in
@@ -98,6 +99,21 @@ def find_misplaced(
         if found is not None:
             return found
     return None
+
+
+def owner(observation: Observation, views: Sequence[int]) -> int | None:
+    """Return which of some ``views`` with the same image it is of; None where nothing tells.
+
+    Each is predicted from the views beside them.
+    """
+    volume = first_fit(observation.without(*views)).means
+    images, masks = observation.images, observation.masks
+    errors = {
+        view: _error(images[view], _predicted(observation, view, volume), masks[view])
+        for view in views
+    }
+    best, second = sorted(views, key=errors.__getitem__)[:2]
+    return best if errors[best] < BETTER * errors[second] else None
 
 
 def _of_view(observation: Observation, view: int, active: ActiveVoxels | None) -> Misplaced | None:

@@ -110,7 +110,7 @@ def infer_effects(
     """
     with timed() as stage:
         if options.screen:
-            screened = without_unusable(screened, whole)
+            screened = without_unusable(screened, whole, grid)
         with as_warning("effects of cameras and gas: not looked for", stage.warnings):
             screened = _inferred(screened, loaded, grid, options, cameras, progress)
         pixels, said = screened.pixels, screened.findings

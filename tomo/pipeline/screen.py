@@ -2,21 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from tomo.grid import VoxelGrid
 from tomo.inference.finding import Finding
 from tomo.inference.fit import Fit
-from tomo.inference.misplaced import TURNS, doubles, find_misplaced, is_dark
+from tomo.inference.misplaced import TURNS, doubles, find_misplaced, is_dark, owner
 from tomo.inference.steps import distrust
 from tomo.measurement import NoiseModel, estimate_noise
 from tomo.measurement.pixel_check import PixelCheck, check_pixels
 from tomo.model import Corrections, Observation
 from tomo.operators.view_gains import Gains
-from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy
+from tomo.pipeline.coarse import FEWEST_VIEWS, CoarseCopy, factor_of
 from tomo.pipeline.limits import Limits
 from tomo.pipeline.load import LoadedScan
 from tomo.pipeline.refine import Refinement
@@ -118,24 +119,35 @@ LIT = 0.05
 """Fraction of the brightest light from which a pixel is lit."""
 
 
-def without_unusable(screened: ScreenedScan, whole: Scan) -> ScreenedScan:
-    """Return the scan without images that say nothing, if enough others are left."""
-    names, said = screened.scan.rig.names, list[Finding]()
-    for name, image, mask, noise in zip(
-        names, screened.images, screened.masks, screened.noise, strict=True
-    ):
-        if is_dark(image, mask, noise):
-            said.append(Finding("dark", name))
-    for first, second in doubles(screened.images):
-        said += [
-            Finding("same image", names[a], other=names[b])
-            for a, b in ((first, second), (second, first))
-        ]
+def without_unusable(screened: ScreenedScan, whole: Scan, grid: VoxelGrid) -> ScreenedScan:
+    """Return the scan without images that say nothing or are others', if enough are left."""
+    rig = screened.scan.rig
+    names, each = rig.names, zip(screened.images, screened.masks, screened.noise, strict=True)
+    dark = [name for name, one in zip(names, each, strict=True) if is_dark(*one)]
+    said = [Finding("dark", name) for name in dark]
+    lit = sorted(name for name in names if name not in dark)  # the rig's order changes no bit
+    images, masks = tuple(screened.images), tuple(screened.masks)
+    said += _same_images(Observation(rig, images, masks, screened.noise, grid).ordered(lit))
     gone = tuple(dict.fromkeys(one.camera for one in said if one.camera))
     if not said or len(names) - len(gone) < FEWEST_VIEWS:
         return screened
     found = replace(screened, findings=tuple(said), excluded=(*screened.excluded, *gone))
     return parted(found, whole, gone)
+
+
+def _same_images(observation: Observation) -> Iterator[Finding]:
+    """Yield the cameras that have another's image, all of them where nothing tells whose it is."""
+    rig, groups = observation.rig, doubles(observation.images)
+    if not groups:
+        return
+    levels, factor = np.zeros(len(rig)), factor_of(rig, observation.grid)
+    copy = CoarseCopy.of([observation], levels, factor, carving=False)
+    for views in groups:
+        own = owner(copy.frames[0], views) if copy else None
+        for view in views:
+            if view != own:
+                other = next(one for one in views if one != view) if own is None else own
+                yield Finding("same image", rig.names[view], other=rig.names[other])
 
 
 def with_image_in_place(

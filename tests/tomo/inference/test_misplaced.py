@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from tomo.inference.misplaced import TURNS, Misplaced, find_misplaced
+from tomo.inference.misplaced import TURNS, Misplaced, find_misplaced, owner
 from tomo.inference.solve import first_fit
 from tomo.inference.steps import distrust
 
@@ -36,3 +36,20 @@ def test_swapped_images_are_found(observed, pair):
     doubts = np.isin(np.arange(6), pair).astype(np.float64)
     found = find_misplaced(replace(observation, images=tuple(images)), doubts)
     assert found == Misplaced(first, other=second)
+
+
+@pytest.mark.parametrize("views", [(0, 1), (1, 3), (4, 2)])
+def test_an_image_of_several_cameras_is_that_of_the_camera_the_others_predict(observed, views):
+    observation, _ = observed
+    images = list(observation.images)
+    for view in views:
+        images[view] = images[views[-1]]
+    assert owner(replace(observation, images=tuple(images)), views) == views[-1]
+
+
+def test_nothing_tells_whose_the_image_of_cameras_in_one_place_is(observed):
+    observation, _ = observed
+    cameras, images = list(observation.rig), list(observation.images)
+    cameras[3], images[3] = replace(cameras[1], name=cameras[3].name), images[1]
+    rig = replace(observation.rig, cameras=tuple(cameras))
+    assert owner(replace(observation, rig=rig, images=tuple(images)), (1, 3)) is None

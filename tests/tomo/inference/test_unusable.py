@@ -41,5 +41,5 @@ def test_a_faint_spark_and_a_faint_haze_are_light(seed):
 
 def test_images_that_are_the_same_are_doubles():
     one, other, dark = noise_of(0), noise_of(1), np.zeros(SIZE, np.float32)
-    assert doubles([one, dark, other, one.copy(), dark]) == [(0, 3)]
+    assert doubles([one, dark, other, one.copy(), dark, one]) == [[0, 3, 5]]
     assert doubles([one, other, one[:-1]]) == []
