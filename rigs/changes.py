@@ -5,16 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rigs.camera_protocol import CameraLike
 from rigs.ray_table import RayTable
 from rigs.rig import Rig
-
-if TYPE_CHECKING:
-    from rigs.rig import Rig
 
 
 @dataclass(frozen=True)

@@ -48,7 +48,9 @@ def load(
         known = ", ".join(preset_names())
         raise FileNotFoundError(f"{source}: no such rig file, and no preset; presets are {known}")
     files = [path / name for name in _INSIDE if (path / name).is_file()]
-    chosen = files[0] if files else path
+    if len(files) > 1:
+        raise ValueError(f"{path}: found {' and '.join(_INSIDE)}, expected one of them: name it")
+    chosen = files[0] if files and format is None else path
     return registry.load(chosen, format, length_unit=length_unit, image_size=image_size)
 
 

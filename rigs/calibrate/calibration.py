@@ -30,9 +30,11 @@ from rigs.calibrate.result import Calibration, summary
 from rigs.calibrate.through_scene import Through, adjust_through, looked_through
 from rigs.camera import Camera
 from rigs.files.text import some
+from rigs.files.units import in_unit
 from rigs.rig import Rig, Volume
 from rigs.scene.entry import check_scene
 from rigs.scene.scene import Scene as OpticalScene
+from rigs.scene.scene_camera import own_camera
 
 
 def calibrate(
@@ -121,6 +123,7 @@ def calibrate(
         target=target,
         scene=scene,
     )
+    intrinsics = intrinsics and _lenses(intrinsics, length_unit)
     names, points = observations.cameras, observations.target_points
     rules = LensRules(square_pixels, fixed_center, common_lenses(names, common_lens))
     known = {"square_pixels": square_pixels, "fixed_center": fixed_center}
@@ -258,6 +261,12 @@ def _cameras(
         )
         for index, name in enumerate(observations.cameras)
     )
+
+
+def _lenses(intrinsics: Rig, length_unit: str) -> Rig:
+    """Return the cameras themselves of a rig of known lenses, their figures in a unit."""
+    own = replace(intrinsics, cameras=tuple(map(own_camera, intrinsics)))
+    return in_unit(own, length_unit) if any(camera.optics for camera in own) else own
 
 
 def _check(observations: Observations, intrinsics: Rig | None) -> None:

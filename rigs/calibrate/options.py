@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from rigs.calibrate.adjust.lens_choice import TERMS
 from rigs.rig import Rig
+from rigs.scene.scene_camera import own_camera
 
 
 def check_options(
@@ -39,7 +40,7 @@ def check_options(
         for name in cameras:
             if name not in intrinsics:
                 raise ValueError(f"intrinsics: camera {name}: not in the rig, expected its lens")
-            if not intrinsics[name].has_lens_model:
+            if not own_camera(intrinsics[name]).has_lens_model:
                 raise ValueError(f"intrinsics: camera {name}: found a ray table, expected a lens")
     if rescale and scene is not None:
         raise ValueError("rescale: found True with a scene, expected scene and target in one unit")

@@ -11,6 +11,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.figures import Accuracy, Optics
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import read_yaml_mapping
+from rigs.files.units import metres
 from rigs.layouts import matrix_of_lens, optics_of_lens
 from rigs.lens import Distortion
 from rigs.ray_table import RayTable
@@ -56,14 +57,19 @@ def load_rig(path: str | os.PathLike) -> Rig:
 
 
 def load_scene(path: str | os.PathLike, length_unit: str = "mm") -> Scene:
-    """Return the scene in a YAML file that holds the ``scene`` of a rig.yaml, or its contents."""
+    """Return the scene in a YAML file that holds the ``scene`` of a rig.yaml, or its contents.
+
+    Lengths are in ``length_unit``; those of a file that names another unit are converted.
+    """
     data = read_yaml_mapping(path)
     try:
-        own = data.get("scene", data)
-        entry = parse_rig({**HEAD, "cameras": [], "scene": own}).scene
+        own, unit = data.get("scene", data), data.get("length_unit", length_unit)
+        entry = parse_rig({**HEAD, "cameras": [], "scene": own, "length_unit": unit}).scene
         if entry is None or not entry.solids:
             raise ValueError("scene: found no solids, expected at least one")
-        return scene_of(entry, Path(path).parent, length_unit)
+        found = scene_of(entry, Path(path).parent, unit)
+        same = unit == length_unit
+        return found if same else found.with_lengths_scaled(metres(unit) / metres(length_unit))
     except ValueError as error:
         raise ValueError(f"{path}: {' '.join(str(error).split())}") from None
 

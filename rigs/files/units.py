@@ -31,6 +31,11 @@ _LENGTHS = {
     "depth_range",
     "corners",  # of target poses
     "position_right_down_forward",  # of refined cameras
+    "thickness",  # of adjusted windows, as those below
+    "thickness_change",
+    "thickness_error",
+    "distance_change",
+    "distance_error",
 }
 
 

@@ -32,6 +32,7 @@ _ENDINGS = (".csv", ".tsv", ".txt")
 _PLACE = ("x", "y", "z")
 _LOOK = ("look_x", "look_y", "look_z")
 _UP = ("up_x", "up_y", "up_z")
+_COLUMNS = ("name", *_PLACE, *_LOOK, *_UP, "focal", "pitch", "width", "height")
 _PIXELS = "pixels"
 
 
@@ -48,6 +49,11 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     for name in ("name", *_PLACE, *_LOOK, "focal"):
         if name not in columns:
             raise ValueError(f"{name}: missing among the columns, expected {_expected(name)}")
+    for name in columns:
+        if name not in _COLUMNS:
+            raise ValueError(f"{name}: found among the columns, expected {', '.join(_COLUMNS)}")
+    if (given := set(_UP) & set(columns)) and len(given) < len(_UP):
+        raise ValueError(f"up: found {', '.join(sorted(given))}, expected all three or none")
     units = {columns[name] for name in (*_PLACE, *_LOOK)}
     if len(units) > 1:
         found = ", ".join(sorted(unit or "none" for unit in units))
@@ -72,7 +78,7 @@ def _camera(
         raise ValueError("name: found nothing in a line, expected the camera's name")
     with errors_of(f"camera {name}"):
         number = {key: as_number(text, key) for key, text in row.items()
-                  if key in columns and key != "name" and text.strip()}  # fmt: skip
+                  if key != "name" and text.strip()}  # fmt: skip
         for key in (*_PLACE, *_LOOK, "focal"):
             if key not in number:
                 raise ValueError(f"{key}: missing, expected a number")

@@ -143,6 +143,10 @@ def save(rig: Rig, path: Path) -> None:
     if path.suffix in SUFFIXES:
         write_text(path, _text(rig, path))
         return
+    own = {f"{camera.name}.yml" for camera in cameras}
+    for file in storage_files(path) if path.is_dir() else ():
+        if file.name not in own and has_cameras(read_storage(file)):
+            raise ValueError(f"{file}: found cameras of another rig, expected a folder without")
     for index, camera in enumerate(cameras):
         file = path / f"{camera.name}.yml"
         write_text(file, _text(rig[index : index + 1], file))

@@ -203,7 +203,7 @@ def _scaled(
     if bit_depth is not None:
         if not 1 <= bit_depth <= stored_bits:
             raise ValueError(f"bit_depth: found {bit_depth}, expected 1 to {stored_bits}")
-        full_scale = 2**bit_depth - 1
+        full_scale = min(2**bit_depth - 1, int(np.iinfo(stored.dtype).max))  # signed: half
     if stored.max(initial=0) > full_scale:
         raise ValueError(
             f"found a pixel of {stored.max()}, expected at most {full_scale}"

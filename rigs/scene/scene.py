@@ -18,9 +18,6 @@ from rigs.scene.solids import Solid
 from rigs.scene.surfaces import FACE, Reflecting, index_of
 from rigs.scene.tracing import OPEN
 
-if TYPE_CHECKING:
-    pass
-
 
 @dataclass(frozen=True)
 class Scene:

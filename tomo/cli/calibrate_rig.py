@@ -217,8 +217,6 @@ def _scene(
 
 def _lenses(texts: Sequence[str], cameras: Sequence[str]) -> Rig | None:
     """Return a rig with a lens for each camera: that of the rig named, or by pairs ``A=B``."""
-    from rigs import Rig
-
     pairs = [text for text in texts if "=" in text and not Path(text).exists()]
     files = [text for text in texts if text not in pairs]
     if not texts:
@@ -249,7 +247,8 @@ def _lenses(texts: Sequence[str], cameras: Sequence[str]) -> Rig | None:
                 f"--intrinsics: camera {own}: not in {files[0]}, which has {names}; expected "
                 f"its lens: add --intrinsics {own}={rig.names[0]}, or whichever camera it is"
             )
-    return Rig(tuple(replace(rig[other], name=own) for own, other in source.items()))
+    cameras = tuple(rig[other].renamed(own) for own, other in source.items())
+    return replace(rig, cameras=cameras)
 
 
 def _world(text: str | None) -> Any:

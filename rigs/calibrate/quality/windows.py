@@ -63,8 +63,6 @@ class AdjustedWindow:
     def figures(self) -> dict[str, Any]:
         """Return plain data for the rig's file."""
         return {
-            "normal": list(self.normal),
-            "point": list(self.point),
             "thickness": self.thickness,
             "turned_degrees": self.changes[0],
             "turned_error_degrees": self.errors[0],

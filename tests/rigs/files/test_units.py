@@ -4,9 +4,10 @@ from dataclasses import replace
 
 import pytest
 
-from rigs import arc
+from rigs import arc, formats, load, save_rig
 from rigs.check import check_points
 from rigs.check.rig_check import calibrated_ray_miss
+from rigs.files.rig_yaml import load_scene
 from rigs.files.units import in_unit
 
 SUMMARY = {
@@ -19,6 +20,7 @@ SUMMARY = {
     "assessment": "good: rays miss each other by 0.002 mm RMS",
     "cameras": {"cam00": {"ray_miss": 0.003, "rms_px": 0.2, "depth_range": [400.0, 600.0]}},
     "target_poses": [{"frame": "a", "camera": "cam00", "corners": [[1.0, 2, 500.0]] * 3}],
+    "windows": {"pane": {"thickness": 10.0, "thickness_error": 0.1, "turned_degrees": 0.2}},
     "refined_from_images": {"cameras": {"cam00": {"position_right_down_forward": [1.0, 0, 3]}}},
 }
 
@@ -36,6 +38,9 @@ def test_lengths_of_the_calibration_follow():
     assert calibrated_ray_miss(metres, "cam00") == pytest.approx(3e-6)
     assert found["cameras"]["cam00"]["depth_range"] == pytest.approx([0.4, 0.6])
     assert found["target_poses"][0]["corners"][2] == pytest.approx([0.001, 0.002, 0.5])
+    assert found["windows"]["pane"] == pytest.approx(
+        {"thickness": 0.01, "thickness_error": 1e-4, "turned_degrees": 0.2}
+    )
     moved = found["refined_from_images"]["cameras"]["cam00"]["position_right_down_forward"]
     assert moved == pytest.approx([0.001, 0, 0.003])
     for key in ("rms_px", "frames", "ray_miss_between_halves", "assessment"):
@@ -58,3 +63,22 @@ def test_a_calibration_without_a_unit_counts_in_the_rig_s():
 def test_unknown_units_are_taken_to_be_the_one_asked_for():
     unknown = replace(a_rig(calibration=SUMMARY | {"length_unit": "unit"}), length_unit="unit")
     assert calibrated_ray_miss(in_unit(unknown, "m")) == 0.002
+
+
+def test_a_scene_is_taken_from_a_file_in_another_unit(tmp_path):
+    pane = (
+        "{name: pane, type: window, point: [0, 0, 20], normal: [0, 0, 1], thickness: 1, "
+        "index: 1.5, size: 16}"
+    )
+    (tmp_path / "scene.yaml").write_text(f"length_unit: cm\nscene: {{solids: [{pane}]}}\n")
+    (window,) = load_scene(tmp_path / "scene.yaml", "mm").solids
+    assert window.thickness == pytest.approx(10)
+    assert window.point[2] == pytest.approx(200)
+
+
+def test_a_folder_of_two_rigs_is_no_rig(tmp_path):
+    save_rig(a_rig(), tmp_path / "rig.yaml")
+    assert load(tmp_path) == a_rig()
+    formats.save(a_rig(), tmp_path / "transforms.json")
+    with pytest.raises(ValueError, match=r"transforms\.json and rig\.yaml, expected one"):
+        load(tmp_path)

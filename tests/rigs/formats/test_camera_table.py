@@ -70,7 +70,7 @@ def test_units_are_kept_and_spreadsheets_of_any_country_are_read(tmp_path):
         ((" 35,", " ,"), "camera left: focal: missing, expected a number"),
         ((" 35,", " -35,"), "camera left: focal: found -35, expected a positive number"),
         (("pitch_um", "pitch"), "camera left: focal and pitch: found a unit of one alone"),
-        (("pitch_um", "gap_um"), "camera left: pitch: missing, expected pitch_um"),
+        (("pitch_um", "gap_um"), "gap: found among the columns, expected name, x, y, z"),
         (("top", "left"), "camera left: name: found twice"),
         ((" x,", " x_mm,"), "x ... look_z: found the units mm, none, expected one"),
         ((" 1024,", " 0.5,"), "camera left: width, height: found 0.5"),
@@ -80,3 +80,13 @@ def test_what_is_wrong_is_named(refused_as, tmp_path, change, message):
     path = table(tmp_path / "a.csv")
     path.write_text(path.read_text().replace(*change))
     refused_as(path, message, path, "camera_table")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [("k1", "k1: found among the columns"), ("model", "model: found"), ("up_x", "up: found up_x")],
+)
+def test_no_column_is_left_out_silently(tmp_path, more, words):
+    rows = [f"{row}, 0.1" for row in ROWS]
+    with pytest.raises(ValueError, match=rf"a\.csv: {words}"):
+        formats.load(table(tmp_path / "a.csv", f"{HEAD}, {more}", rows))

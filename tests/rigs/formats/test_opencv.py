@@ -316,3 +316,12 @@ def test_a_name_with_a_slash_is_made_usable_and_said(tmp_path, caplog):
     assert formats.load(tmp_path / "left.yaml").names == ("narrow_stereo_left",)
     assert "camera 'narrow_stereo/left': called narrow_stereo_left" in caplog.text
     assert formats.load(tmp_path).names == ("narrow_stereo_left", "narrow_stereo_right")
+
+
+def test_cameras_of_an_older_rig_do_not_come_back(make_rig, tmp_path):
+    rig = make_rig("brown", "none")
+    formats.save(rig, tmp_path / "rig", "opencv")
+    formats.save(rig, tmp_path / "rig", "opencv")
+    storage_of(tmp_path / "rig" / "board.yml", {"board_width": 9})
+    with pytest.raises(ValueError, match=r"cam1\.yml: found cameras of another rig"):
+        formats.save(rig[:1], tmp_path / "rig", "opencv")

@@ -11,7 +11,10 @@ import yaml
 
 from rigs import Rig, load_rig, save_rig
 from rigs.calibrate.targets import parse_target
+from rigs.figures import Optics
 from rigs.files import atomic_path
+from rigs.files.rig_yaml import load_scene
+from rigs.files.units import in_unit
 
 PLAIN = ("--model", "brown4")  # the true model: choosing one takes half of a calibration
 TARGET = "charuco:7x5:24:18:DICT_4X4_50"
@@ -157,7 +160,12 @@ def test_lenses_that_are_given_stay_and_the_world_is_where_it_was_asked_for(
     calibrate, taken, tmp_path
 ):
     true, folder = taken
-    save_rig(true, tmp_path / "true.yaml")
+    lens = Optics(focal_length=35.0, f_number=4.0)
+    shown = replace(true, cameras=tuple(replace(camera, optics=lens) for camera in true))
+    (tmp_path / "scene.yaml").write_text(yaml.safe_dump({"scene": {"solids": [PANE]}}), "utf-8")
+    save_rig(
+        in_unit(shown.through(load_scene(tmp_path / "scene.yaml")), "m"), tmp_path / "true.yaml"
+    )
     positions = {camera.name: np.add(camera.position, [5.0, 0, 0]).tolist() for camera in true}
     (tmp_path / "world.yaml").write_text(yaml.safe_dump(positions), "utf-8")
     options = ("--intrinsics", tmp_path / "true.yaml", "--world", tmp_path / "world.yaml")
@@ -167,6 +175,7 @@ def test_lenses_that_are_given_stay_and_the_world_is_where_it_was_asked_for(
     for camera, known in zip(rig, true, strict=True):
         np.testing.assert_array_equal(camera.camera_matrix, known.camera_matrix)
         assert camera.distortion == known.distortion
+        assert camera.optics.focal_length == pytest.approx(35)
         np.testing.assert_allclose(camera.position, positions[camera.name], atol=0.3)
 
 

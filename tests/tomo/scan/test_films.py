@@ -227,3 +227,17 @@ def test_a_mosaic_needs_the_order_of_its_colours(films):
         scan.images("0")
     colour = scan.of_channel("g", "RGGB").images("0")[0]
     np.testing.assert_array_equal(colour, frames["cam00"][0, :4:2, 1:4:2] / np.float32(65535))
+
+
+def test_signed_integers_have_one_full_scale_in_films_and_stills(films):
+    folder, frames = films
+    signed = {name: (one // 2).astype(np.int16) for name, one in frames.items()}
+    for name, one in signed.items():
+        tifffile.imwrite(folder / f"{name}.tif", one, photometric="minisblack")
+        tifffile.imwrite(folder / f"{name}_dark.tif", one[0], photometric="minisblack")
+    dark = {name: f"{name}_dark.tif" for name in signed}
+    write_scan(folder, films={n: f"{n}.tif" for n in signed}, corrections={"dark": dark})
+    scan = load_scan(folder)
+    assert not np.any(scan.images("0"))
+    expected = (signed["cam00"][3].astype(float) - signed["cam00"][0]) / 32767
+    np.testing.assert_allclose(scan.images("3")[0], expected, atol=1e-7)
