@@ -116,7 +116,7 @@ def init(
         for number, line in enumerate(lines):
             say(f"{'  ' if number else about.replace('_', ' ') + ': '}{line}")
     commands = _next(folder, found)
-    kept = "" if found.is_rig_kept else ", rig.yaml"
+    kept = "" if found.rig is None else ", rig.yaml"
     say(f"{written}{kept} and {THUMBNAILS}, to look at", "bold")
     for command in commands:
         say(f"next: {command}")

@@ -44,6 +44,9 @@ def corrections_with(
     if corrections.mask is not None:
         raise ValueError("masks: found masks in corrections too, expected one of the two")
     usable = _stacks_of(rig, masks, "masks")
+    for name, mask in usable.items():
+        if len(mask) > 1:
+            raise ValueError(f"masks: camera {name}: found {len(mask)}, expected one for all")
     return replace(corrections, mask={name: mask[0] for name, mask in usable.items()})
 
 

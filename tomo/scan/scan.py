@@ -186,6 +186,7 @@ class Scan(ScanImages):
             effects=self.effects,
             radiometry=self.radiometry,
             peak=self.peak,
+            frame_rate=self.frame_rate,
         )
 
     def without(self, *cameras: str) -> Scan:
@@ -255,11 +256,13 @@ class Scan(ScanImages):
             raise ValueError(
                 f"{self.where}scale: found {self.shrink}, expected 1 before corrections"
             )
-        none: Any = None  # the sizes of the rig
+        none: Any = None  # the sizes of the rig, which is that of whole images
+        rig = replace(self.rig, cameras=tuple(map(self.recorded_camera, self.rig)))
         found = {name: found[name] for name in given}
         known = (self.origin.get("corrections") or {}) | recorded(found)
         return replace(
             self,
+            rig=rig,
             corrections=replace(self.corrections, **found),
             recorded_sizes=none,
             origin={**self.origin, "corrections": known},

@@ -42,6 +42,7 @@ def save_scan(
     effects: Mapping[str, Any] | None = None,
     radiometry: Radiometry | None = None,
     peak: float | None = None,
+    frame_rate: float | None = None,
 ) -> Path:
     """Write a scan folder: ``rig.yaml``, ``images/<camera>/<frame>.tif``, ``scan.yaml``.
 
@@ -56,7 +57,7 @@ def save_scan(
     corrections, radiometry : optional
         Paths of images must lie inside ``folder``; arrays are written to ``corrections/`` and
         ``radiometry/``.
-    effects, peak : optional
+    effects, peak, frame_rate : optional
         See `Scan`.
 
     Returns
@@ -87,6 +88,7 @@ def save_scan(
         corrections=plain,
         radiometry=light,
         peak=peak,
+        frame_rate=frame_rate,
         truth=None if truth is None else "truth.npz",
         effects=_known(effects),
     )

@@ -142,3 +142,12 @@ def test_one_colour_in_memory_is_not_saved_as_a_whole(tmp_path, rig, assert_refu
     corrections = Corrections(bayer="RGGB", channel="g")
     scan = Scan.from_arrays(rig, images, VoxelGrid((2, 3, 4), 0.5), corrections=corrections)
     assert_refused(lambda: scan.save(tmp_path / "out"), "found one colour of a mosaic")
+
+
+def test_a_scan_of_one_colour_takes_further_corrections(mosaic, rig):
+    folder, _ = mosaic
+    scan = scan_of_images(rig, folder / "images").of_channel("g", "RGGB")
+    brighter = scan.with_corrections(gain=2.0)
+    assert [c.image_size for c in brighter.rig] == [c.image_size for c in scan.rig]
+    for one, other in zip(brighter.images("first"), scan.images("first"), strict=True):
+        np.testing.assert_array_equal(one, 2 * other)

@@ -115,3 +115,14 @@ def test_what_is_in_files_is_not_saved_as_if_it_were_in_memory(tmp_path):
         loaded.save(tmp_path / "again")
     with pytest.raises(ValueError, match="images shrunk 2-fold"):
         scan.scaled(2).save(tmp_path / "small")
+
+
+def test_the_frame_rate_is_saved(tmp_path):
+    scan = replace(Scan.from_arrays(RIG, IMAGES, GRID), frame_rate=500.0)
+    assert load_scan(scan.save(tmp_path / "s")).frame_rate == 500
+
+
+def test_masks_of_every_frame_are_refused():
+    masks = {name: np.stack([mask, mask]) for name, mask in MASKS.items()}
+    with pytest.raises(ValueError, match="masks: camera cam00: found 2, expected one"):
+        Scan.from_arrays(RIG, IMAGES, GRID, masks=masks)

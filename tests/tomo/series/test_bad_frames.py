@@ -91,3 +91,16 @@ def test_a_film_of_bad_frames_alone_is_refused(scan, options, tmp_path):
     only = replace(options, frames="3:4", skip_bad=True)
     with pytest.raises(ValueError, match="frame frame_003"):
         reconstruct_series(scan, tmp_path / "out.zarr", options=only)
+
+
+def test_frames_without_an_image_are_left_out_too(scan, options, tmp_path):
+    frames = list(scan.frames)
+    images = {name: one for name, one in frames[2].images.items() if name != "cam01"}
+    lacking = replace(scan, frames=(*frames[:2], replace(frames[2], images=images), frames[4]))
+    with pytest.raises(ValueError, match=r"frame_002.*cam01: found no image.*skip_bad=True"):
+        reconstruct_series(lacking, tmp_path / "out.zarr", options=options)
+    store = reconstruct_series(
+        lacking, tmp_path / "out.zarr", options=replace(options, skip_bad=True)
+    )
+    assert np.flatnonzero(store.skipped).tolist() == [2]
+    assert store.complete.sum() == 3

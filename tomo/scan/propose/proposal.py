@@ -38,7 +38,7 @@ class Proposal:
     scan: Scan  # with rig, grid and corrections
     images: CameraImages
     corrections: dict[str, Any]  # as scan.yaml has them
-    is_rig_kept: bool  # the folder's rig.yaml is the rig as it is
+    rig: Rig | None  # to write, of whole images; None where the folder's rig.yaml stays
     said: dict[str, list[str]]  # on the rig, the images, each correction and the grid
     scale: int = 1  # by which images may be shrunk for such voxels
 
@@ -72,7 +72,8 @@ def propose_scan(folder: Path, request: Request | None = None) -> Proposal:
         corrections |= _bit_depth(images, said)
     scan = _scan(folder, rig, images, corrections)
     grid, scale, said["grid"] = _grid(scan, images, request)
-    return Proposal(folder, replace(scan, grid=grid), images, corrections, is_kept, said, scale)
+    written = None if is_kept else rig
+    return Proposal(folder, replace(scan, grid=grid), images, corrections, written, said, scale)
 
 
 def _about_images(images: CameraImages, rig: Rig) -> list[str]:

@@ -35,11 +35,11 @@ def write_proposal(
     What is there is overwritten by ``force`` alone, the rig that the proposal keeps not at all.
     """
     pictures = pictures or {}
-    others = pictures if proposal.is_rig_kept else (RIG_FILE, *pictures)
+    others = pictures if proposal.rig is None else (RIG_FILE, *pictures)
     check_writable(proposal.folder, others, force=force)
     with whole_folder(proposal.folder, last=(SCAN_FILE,)) as staging:
-        if not proposal.is_rig_kept:
-            save_rig(proposal.scan.rig, staging / RIG_FILE)
+        if proposal.rig is not None:
+            save_rig(proposal.rig, staging / RIG_FILE)
             text = (staging / RIG_FILE).read_text("utf-8")
             head = _comment(("Written by flametomo init", *proposal.said["rig"]))
             (staging / RIG_FILE).write_text(head + text, "utf-8")

@@ -89,7 +89,7 @@ def test_rigs_of_any_format_and_tables_are_found_and_written_as_ours(laid_out, s
     (folder / "calibration").mkdir()
     formats.save(scene.rig, folder / "calibration" / "rig.yml", "opencv")
     found = propose_scan(folder, Request(**GIVEN))
-    assert not found.is_rig_kept
+    assert found.rig is not None
     write_proposal(found)
     text = (folder / "rig.yaml").read_text("utf-8")
     assert text.startswith(
@@ -120,7 +120,7 @@ def test_a_rig_yaml_comes_first_and_stays_as_it_is(laid_out, scene):
     formats.save(scene.rig, folder / "other.yml", "opencv")
     before = (folder / "rig.yaml").read_bytes()
     found = propose_scan(folder, Request(**GIVEN))
-    assert found.is_rig_kept
+    assert found.rig is None
     assert "not used: other.yml" in found.said["rig"][1]
     write_proposal(found)
     assert (folder / "rig.yaml").read_bytes() == before
@@ -179,3 +179,12 @@ def test_hostile_names_stay_inside_their_comments_and_values(laid_out, scene):
         ValueError, match=r"images: camera cam00: found .*, expected a path inside"
     ):
         propose_scan(broken)
+
+
+def test_the_rig_written_is_that_of_whole_images_of_a_mosaic(laid_out, scene):
+    folder = laid_out("{c}/{f}.tif", rig=None)
+    formats.save(scene.rig, folder / "rig.yml", "opencv")
+    found = propose_scan(folder, Request(bayer="RGGB", channel="g", **GIVEN))
+    scan = load_scan(write_proposal(found))
+    assert rigs.load_rig(folder / "rig.yaml")[0].image_size == scene.rig[0].image_size
+    assert scan.images()[0].shape == found.scan.images()[0].shape
