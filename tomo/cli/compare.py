@@ -52,6 +52,11 @@ def compare(
         check_output_file(out, (".html",))
     from tomo.report.volume_comparison import VolumeComparison
 
+    if array != BareArray() and ".npy" not in (a.suffix.lower(), b.suffix.lower()):
+        raise ValueError(
+            "--spacing, --center, --length-unit: found with volumes that have a grid, expected "
+            "with a .npy alone"
+        )
     first, second = (
         _volume(path, frame, option, array)
         for path, frame, option in ((a, frame_a, "--frame-a"), (b, frame_b, "--frame-b"))

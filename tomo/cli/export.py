@@ -28,8 +28,9 @@ def export(store: Path, /, *, out: Path, to: str, frames: str = ":", json: bool 
     to : FORMAT
         pvd: a collection for ParaView beside a folder of .vti files. vtkhdf: one file for
         ParaView. ome-zarr: an image t, z, y, x for napari and Fiji. netcdf: one file with
-        coordinates. npz: a folder of NumPy files. mp4: a film of the light along lines of sight. statistics:
-        mean and RMS fluctuation of every voxel. spectrum: its power spectral density over time.
+        coordinates. npz: a folder of NumPy files. mp4: the light along lines of
+        sight. statistics: mean and RMS fluctuation of every voxel. spectrum: its power spectral
+        density over time.
     frames : A:B:C
         A slice of the store's frames, counted from 0.
     """

@@ -5,10 +5,15 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
+
 from tomo.cli.console import finite_or_none, print_json, say
 from tomo.cli.images import Corrections, Images
 from tomo.cli.inputs import Box, check_output_volume
 from tomo.pipeline.declared import whole
+from tomo.scan import Scan
+from tomo.scan.images import Images as Pictures
+from tomo.scan.images import Masks
 
 EXAMPLES = """
 flametomo hull scan -o out/hull
@@ -62,7 +67,7 @@ def hull(
     found = corrections.of(images.scan(scan))
     check_output_volume(out, found.rig, found.source)
     voxels = box.voxels(found.grid)
-    pictures, masks = found.read(frame)
+    pictures, masks = _seen(found, frame)
     level = otsu(pictures) if threshold is None else threshold
     outlines = [silhouette(one, level, close=close, grow=grow) for one in pictures]
     result = visual_hull(tuple(found.rig), outlines, voxels, masks, votes=votes)
@@ -90,3 +95,18 @@ def hull(
     )
     if json:
         print_json(report)
+
+
+def _seen(scan: Scan, frame: str | None) -> tuple[Pictures, Masks]:
+    """Return images and masks of a frame; pixels at full scale see the thing, however bright."""
+    pictures, masks = scan.read(frame)
+    images = scan.frame(frame).images
+    for place, camera in enumerate(scan.rig):
+        name, size = camera.name, scan.recorded_sizes[camera.name]
+        full = scan.corrections.corrected(images[name], name, size, scan.source)[2]
+        given = scan.corrections.pixels("mask", name, size)
+        seen = full if given is None else full & (given != 0)
+        brightest = pictures[place].max(initial=1)
+        pictures[place] = np.where(seen, brightest, pictures[place])
+        masks[place] = masks[place] | seen
+    return pictures, masks

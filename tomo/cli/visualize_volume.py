@@ -46,6 +46,11 @@ def visualize_volume(
     """
     check_output_pictures(out, TURNING)
     if volume.suffix == ".zarr":
+        if array != BareArray() or drawing.level or drawing.colormap != Drawing.colormap:
+            raise ValueError(
+                f"{volume}: found --level, --colormap, --spacing, --center or --length-unit, "
+                "expected none with a film"
+            )
         return _film(volume, out, frames, drawing.titled(volume.stem), json)
     if frames is not None:
         raise ValueError(f"--frames: found {frames!r}, expected it with a store like out.zarr")

@@ -97,7 +97,7 @@ FORMATS = {
     ),
     "netcdf": Format("hdf5:write_netcdf", (".nc",), ("h5netcdf",), "one file with coordinates"),
     "npz": Format("volume_files:write_npz", ("",), (), "a folder of NumPy files"),
-    "mp4": Format("film:write_film", (".mp4",), ("av",), "a film of the light along lines of sight"),
+    "mp4": Format("film:write_film", (".mp4",), ("av",), "the light along lines of sight"),
     "statistics": Format(
         "spectrum:write_statistics", (".zarr",), (), "mean and RMS fluctuation of every voxel"
     ),

@@ -19,7 +19,6 @@ from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES, RIG_FILE, VOLUME_FILES
 from tomo.scan import Scan
 from tomo.scan.files import scan_again
-from tomo.series.layout import FORMAT
 from tomo.series.store import SeriesStore
 from tomo.series.verdict import SeriesTable
 from tomo.view.content import Content, Frames, Model
@@ -97,10 +96,18 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
     ValueError
         If it is no store or has no complete frame, or the scan does not have its frames.
     """
-    if _is_volume_film(path):
+    if VolumeFilm.is_at(path):
         film = VolumeFilm(path)
         frames = Frames(tuple(f"frame {n}" for n in range(film.n_frames)), film.read)
-        return Content(path.stem, None, film.grid, frames, length_unit=film.length_unit)
+        if scan is not None:
+            _check_lengths(scan, film.length_unit, path)
+            if len(scan.frames) != film.n_frames:
+                found = f"found {len(scan.frames)}, expected {film.n_frames}, those of {path}"
+                raise ValueError(f"{scan.where}frames: {found}")
+        return Content(
+            path.stem, scan and scan.rig, film.grid, frames, scan,
+            scan.frame_names if scan else (), length_unit=film.length_unit,
+        )  # fmt: skip
     store = SeriesStore(path)
     about = store.attributes
     store.check_present(range(store.n_frames))
@@ -149,9 +156,11 @@ def content_of_film(path: Path, scan: Scan | None = None) -> Content:
     )
 
 
-def content_of_volume(path: Path) -> Content:
-    """Return the content of a volume file with its own grid."""
+def content_of_volume(path: Path, scan: Scan | None = None) -> Content:
+    """Return the content of a volume file with its own grid, and of a scan that it is shown by."""
     data, voxels, unit = read_volume(path, allow_nan=True)
+    if scan is not None:
+        return _content_of_report(path.stem, data, {}, None, None, scan, path)
     frames, values = Frames((path.stem,), lambda place: data), data.value_unit
     return Content(path.stem, None, voxels, frames, value_unit=values, length_unit=unit)
 
@@ -162,9 +171,15 @@ def content_of_rig(
     """Return the content of a rig, with the images of a scan by it where there is one."""
     if not len(rig):
         raise ValueError(f"{title}: cameras: found none, expected at least one to show")
+    moments: tuple[str, ...] = ()
     if scan is not None:
+        if scan.rig != rig:
+            scan = _as_reconstructed(scan, rig, {})
         rig, grid = scan.rig, grid or scan.grid
-    moments = scan.frame_names if scan else ()
+        whole = (one for one in scan.frames if one.images.keys() >= set(rig.names))
+        moments = tuple(one.name for one in whole)
+        if not moments:
+            raise ValueError(f"{scan.where}frames: found none with an image of every camera")
     return Content(title, rig, grid, scan=scan, moments=moments, length_unit=rig.length_unit)
 
 
@@ -252,13 +267,3 @@ def _stored_rig(stored: Mapping[str, Any] | None, path: Path, notes: list[str]) 
             said = " ".join(str(error).split()).replace(str(file), str(path))
             notes.append(f"cameras: {said}; {HOW}")
             return None
-
-
-def _is_volume_film(path: Path) -> bool:
-    """Return whether a folder is a film of volumes, such as a simulation's truth."""
-    try:
-        about = json.loads((path / "zarr.json").read_text("utf-8"))
-        found = about["attributes"]["format"]
-    except (OSError, ValueError, KeyError, TypeError):
-        return False
-    return found != FORMAT

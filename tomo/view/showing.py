@@ -10,6 +10,7 @@ from urllib.parse import quote
 
 from rigs import Rig, load, preset_names
 from tomo.grid import grid_of_rig
+from tomo.io.volumes import readable_endings
 from tomo.pipeline import Reconstruction
 from tomo.report.outcome_files import FIGURES
 from tomo.scan import Scan, load_scan
@@ -27,8 +28,6 @@ from tomo.view.page import Page
 from tomo.view.server import HOST, PORT, Answer, LocalServer
 
 Shown: TypeAlias = Reconstruction | Rig | Scan | SeriesStore | str | os.PathLike
-
-_VOLUMES = (".npz", ".vti", ".nrrd", ".mha", ".nii", ".nii.gz")
 
 
 class Viewer:
@@ -112,8 +111,8 @@ def content_of(shown: Shown, scan: Scan | None = None) -> Content:
         return content_of_film(path, scan)
     if (path / FIGURES).is_file():
         return content_of_outcome(path, scan)
-    if path.is_file() and path.name.lower().endswith(_VOLUMES):
-        return content_of_volume(path)
+    if path.is_file() and path.name.lower().endswith(readable_endings()):
+        return content_of_volume(path, scan)
     is_scan = (path / "scan.yaml").is_file() or is_scan_file(path)
     if is_scan and text not in preset_names():
         return _content_of_scan(path.stem, load_scan(path) if scan is None else scan)

@@ -56,6 +56,7 @@ def test_frames_of_films_and_of_stores_and_bare_arrays(run_tool, files, film_sto
         (("a.nrrd", "none"), "none: no such file or folder"),
         (("a.nrrd", "."), "volume.npz: no such volume file"),
         (("a.nrrd", "array.npy"), "array.npy: spacing: missing"),
+        (("a.nrrd", "out", "--spacing", "1"), "--spacing, --center, --length-unit: found"),
         (("a.nrrd", "film.zarr"), "film.zarr: found 2 frames, expected one: --frame-b N names it"),
         (("film.zarr", "a.nrrd", "--frame-a", 2), "--frame-a: found 2, expected 0 to 1"),
         (("a.nrrd", "a.nrrd", "--frame-b", 0), "--frame-b: found 0, expected it with a film"),

@@ -139,6 +139,8 @@ GRID_TOO = ("--spacing", "1,2,1.5")
         (("visualize_rig", "posed.yaml", "-o", "a.html"), "calibration.target_poses[0]: found"),
         (("visualize_volume", "array.npy"), "array.npy: spacing: missing in a .npy, expected a"),
         (("visualize_volume", "volume.npz", *GRID_TOO), "volume.npz: spacing: found"),
+        (("visualize_volume", "out.zarr", *GRID_TOO), "out.zarr: found --level"),
+        (("visualize_volume", "out.zarr", "--level", "0.4"), "out.zarr: found --level"),
         (("--volume", "none.npz"), "none.npz"),
         (("--volume", "array.npy"), "array.npy: spacing: missing"),
         (("--volume", "volume.npz", *GRID_TOO), "a grid of its own"),

@@ -80,9 +80,12 @@ def test_silhouettes_are_parted_closed_and_grown():
         otsu([np.full((3, 3), 0.5)])
 
 
-def test_the_command_writes_the_hull_and_how_well_it_fits(run_tool, tmp_path):
+@pytest.mark.parametrize("is_binary", [False, True])
+def test_the_command_writes_the_hull_and_how_well_it_fits(run_tool, tmp_path, is_binary):
     rig = rigs.ring(12, distance=200, image_size=(80, 80), footprint=0.3, pitch_degrees=10)
     images = {c.name: 0.7 * own for c, own in zip(rig, silhouettes(rig, 7.0), strict=True)}
+    if is_binary:  # white on black in 8 bits: the thing is at full scale
+        images = {name: np.where(own > 0, 255, 0).astype(np.uint8) for name, own in images.items()}
     save_scan(tmp_path / "scan", rig, {"one": images}, grid=GRID)
     options = ("--close", "0", "--grow", "0", "-o", tmp_path / "out", "--json")
     done = run_tool("hull", tmp_path / "scan", *options)

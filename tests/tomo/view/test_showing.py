@@ -11,7 +11,9 @@ import pytest
 
 import rigs
 from tomo import Options, reconstruct
+from tomo.draw.rig.thumbnails import load_thumbnails
 from tomo.draw.volume.isosurface import reference_value
+from tomo.io import write_volume
 from tomo.view import Viewer, content_of, show
 from tomo.view.content import Frames
 from tomo.view.page import compare
@@ -153,3 +155,23 @@ def test_no_port_but_a_free_one_is_taken(scan):
     shown.stop()
     with pytest.raises(ValueError, match="port: found 0, expected a number from 1 to 65535"):
         show(scan.rig, port=0)
+
+
+def test_a_rig_stays_the_one_that_was_named_by_a_scan(scan):
+    moved = replace(scan.rig, cameras=tuple(one.shifted(2.0, 0.0) for one in scan.rig))
+    assert content_of(moved, scan).rig == moved
+    assert content_of(scan).rig == scan.rig
+
+
+def test_a_volume_file_is_shown_by_the_cameras_of_a_scan(scan, grid, flames, tmp_path):
+    write_volume(tmp_path / "flame.npz", flames[0], grid, scan.rig.length_unit)
+    both = content_of(tmp_path / "flame.npz", scan)
+    assert both.rig.names == scan.rig.names
+    assert compare(both, "cam00", 0).measured.shape == (28, 24)
+
+
+def test_moments_that_a_camera_lacks_are_not_offered(scan):
+    first = replace(scan.frames[0], images={"cam00": scan.frames[0].images["cam00"]})
+    late = replace(scan, frames=(first, *scan.frames[1:]))
+    assert content_of(late).moments == scan.frame_names[1:]
+    assert sorted(load_thumbnails(late.rig, late)) == ["cam00"]

@@ -113,7 +113,8 @@ def _of_scan(
     rig: Rig, source: Path, scan: Scan, frame: str | None
 ) -> tuple[dict[str, Path], dict[str, NDArray[np.float32]]]:
     """Return the files and the images of a scan's cameras that the rig has too."""
-    common = [name for name in scan.rig.names if name in rig.names]
+    held = scan.frame(frame).images
+    common = [name for name in scan.rig.names if name in rig.names and name in held]
     if not common:
         return {}, {}
     scan = scan.only(*common)
@@ -122,8 +123,7 @@ def _of_scan(
         if rig[camera.name].image_size != camera.image_size:  # all of a mosaic's colours
             _check_size(source, size, rig[camera.name])
     images = dict(zip(scan.rig.names, scan.images(frame), strict=True))
-    files = scan.frame(frame).images
-    return {name: files[name] for name in images if isinstance(files[name], Path)}, images
+    return {name: held[name] for name in images if isinstance(held[name], Path)}, images
 
 
 def _of_frame(files: Mapping[str, Path], frame: str | None) -> Path | None:
