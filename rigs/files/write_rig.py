@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
 import yaml
 
 from rigs.camera_protocol import CameraLike, LensCamera
+from rigs.files.atomic import whole_folder
 from rigs.files.rig_yaml import HEAD
 from rigs.files.text import breaks_a_line, write_text
 from rigs.ray_table import RayTable
@@ -34,20 +37,29 @@ def save_rig(rig: Rig, path: str | os.PathLike) -> None:
     ValueError
         If ``rig.calibration`` holds something other than plain data.
     """
-    text = rig_to_yaml(rig, Path(path).stem)
-    stem = Path(path).stem
+    path = Path(path)
+    text, stem = rig_to_yaml(rig, path.stem), path.stem
+    beside: dict[str, Callable[[Path], None]] = {}
     for camera in map(own_camera, rig):
         if isinstance(camera, RayTable):
-            save_ray_table(camera, Path(path).with_name(_table_name(camera, stem)))
+            beside[_table_name(camera, stem)] = partial(save_ray_table, camera)
     for number, solid in enumerate(rig.scene.solids if rig.scene else ()):
         if isinstance(solid, Mesh):
-            write_mesh(solid, Path(path).with_name(_mesh_name(number, stem)))
+            beside[_mesh_name(number, stem)] = partial(write_mesh, solid)
     gas = rig.scene and rig.scene.gas
     for name in ("index", "extinction") if gas else ():
         voxels = getattr(gas, name)
         if voxels is not None:
-            write_voxels(voxels, Path(path).with_name(_gas_name(name, stem)), rig.length_unit)
-    write_text(path, text)
+            beside[_gas_name(name, stem)] = partial(
+                write_voxels, voxels, length_unit=rig.length_unit
+            )
+    if not beside:
+        write_text(path, text)
+        return
+    with whole_folder(path.parent, last=(path.name,)) as folder:
+        for name, write in beside.items():
+            write(folder / name)
+        write_text(folder / path.name, text)
 
 
 def rig_to_yaml(rig: Rig, stem: str = "rig") -> str:

@@ -5,6 +5,7 @@ Formats of one file a camera: a file is a camera, a folder of them a rig.
 
 from __future__ import annotations
 
+import csv
 import logging
 import math
 import os
@@ -59,7 +60,7 @@ def errors_of_file(path: str | os.PathLike) -> Iterator[None]:
     """
     try:
         yield
-    except ValueError as error:
+    except (ValueError, csv.Error) as error:
         line = " ".join(str(error).split())
         folder = os.path.dirname(path)
         folders = [os.path.join(one, "") for one in (path, folder, os.path.dirname(folder)) if one]

@@ -57,7 +57,7 @@ class Hdf5Film(ArrayFilm):
         self._file.close()
 
     def _only_film(self) -> str:
-        """Return the name of the file's only film, or NeXus's default one."""
+        """Return the name of the file's only film."""
         found = list(itertools.islice(_films_of(self._file), 5))
         if len(found) == 1:
             return found[0]

@@ -23,6 +23,7 @@ class ImageSequence(Reopened):
         self.n_frames = len(paths)
         self.image_size = image_size(paths[0])
         first = read_still(paths[0])
+        self._full_scale = first.full_scale
         self.bit_depth = None if first.full_scale is None else first.full_scale.bit_length()
         self.is_mosaic = first.is_mosaic
 
@@ -38,4 +39,10 @@ class ImageSequence(Reopened):
         return self.paths[index]
 
     def _frame(self, index: int) -> NDArray:
-        return read_still(self.paths[index]).grey()  # colours must be equal
+        still = read_still(self.paths[index])
+        if still.full_scale != self._full_scale:
+            raise ValueError(
+                f"full scale: found {still.full_scale}, expected {self._full_scale} as in "
+                f"{self.paths[0].name}"
+            )
+        return still.grey()  # colours must be equal

@@ -14,6 +14,7 @@ from rigs import (
     Camera,
     Distortion,
     Optics,
+    RayTable,
     Rig,
     Volume,
     load_rig,
@@ -21,6 +22,7 @@ from rigs import (
     ring,
     save_rig,
 )
+from rigs.files import write_rig
 
 COUNTS = {"none": 0, "brown": 5, "rational": 8, "thin_prism": 12, "tilted": 14, "fisheye": 4}
 EVERYWHERE = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -106,3 +108,23 @@ def test_a_failed_save_leaves_the_old_file(tmp_path):
         save_rig(dataclasses.replace(rig, calibration={"when": np.zeros(2)}), path)
     assert path.read_text() == before
     assert os.listdir(tmp_path) == ["rig.yaml"]
+
+
+def test_a_rig_with_files_beside_it_is_replaced_as_a_whole(tmp_path, monkeypatch):
+    rig = ring(2, distance=500.0, image_size=(12, 10), footprint=1.0)
+    tables = dataclasses.replace(rig, cameras=tuple(map(RayTable.of, rig)))
+    moved = dataclasses.replace(
+        tables, cameras=tuple(one.with_lengths_scaled(2.0) for one in tables)
+    )
+    save_rig(tables, tmp_path / "rig.yaml")
+
+    def full_disk(path, text):
+        raise OSError("no room")
+
+    monkeypatch.setattr(write_rig, "write_text", full_disk)
+    with pytest.raises(OSError, match="no room"):
+        save_rig(moved, tmp_path / "rig.yaml")
+    assert load_rig(tmp_path / "rig.yaml") == tables
+    monkeypatch.undo()
+    save_rig(moved, tmp_path / "rig.yaml")
+    assert load_rig(tmp_path / "rig.yaml") == moved

@@ -6,9 +6,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import tifffile
 from film_files import FRAMES, NUMBERS, cine, nexus, photron, xarray_s_zarr, zarr_array
 
 from rigs.recordings import FrameError, RawLayout, open_recording
+from rigs.recordings.film_formats.image_sequence import ImageSequence
 
 TIMES = np.arange(6) / 1000 - 0.25
 
@@ -219,3 +221,12 @@ def test_texts_that_lead_nowhere_are_refused_before_hdf5_never_ends(tmp_path):
     path.write_bytes(content[:place] + bytes(16) + content[place + 16 :])
     with pytest.raises(ValueError, match=rf"found a text at byte {place} of 0 bytes: damaged"):
         open_recording(path)
+
+
+def test_files_of_another_full_scale_are_named(tmp_path):
+    for name, frame in (("a", FRAMES[0]), ("b", (FRAMES[1] >> 8).astype(np.uint8))):
+        tifffile.imwrite(tmp_path / f"{name}.tif", frame)
+    film = ImageSequence(sorted(tmp_path.glob("*.tif")), tmp_path)
+    assert film.read(0).shape == (40, 48)
+    with pytest.raises(FrameError, match=r"full scale: found 255, expected 65535 as in a\.tif"):
+        film.read(1)
