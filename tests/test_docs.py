@@ -250,6 +250,8 @@ def test_options_named_in_the_pages_are_some_verbs(folder):
         "--row",
         "--quick",
         "--resume",
+        "--archive",
+        "--score",
     }  # of programs in tools/
     known = {"--help"}.union(studies, *options_of_verbs().values())
     for page in (ROOT / "docs" / folder).glob("*.md"):
