@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
-
-import numpy as np
+from typing import TYPE_CHECKING, Annotated
 
 from tomo.cli.console import finite_or_none, print_json, say
 from tomo.cli.images import Corrections, Images
 from tomo.cli.inputs import Box, check_output_volume
 from tomo.pipeline.declared import whole
-from tomo.scan import Scan
-from tomo.scan.images import Images as Pictures
-from tomo.scan.images import Masks
+
+if TYPE_CHECKING:
+    from tomo.scan import Scan
+    from tomo.scan.images import Images as Pictures
+    from tomo.scan.images import Masks
 
 EXAMPLES = """
 flametomo hull scan -o out/hull
@@ -99,6 +99,8 @@ def hull(
 
 def _seen(scan: Scan, frame: str | None) -> tuple[Pictures, Masks]:
     """Return images and masks of a frame; pixels at full scale see the thing, however bright."""
+    import numpy as np
+
     pictures, masks = scan.read(frame)
     images = scan.frame(frame).images
     for place, camera in enumerate(scan.rig):
