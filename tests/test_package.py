@@ -11,7 +11,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("phantoms", "rigs", "tomo")
-LINES, NUMBERS = 86_193, 520
+LINES, NUMBERS = 86_195, 520
 """Lines of Python of the packages and tools, and numbers at module level in tomo and rigs."""
 
 HEAVY = ("torch", "open3d", "matplotlib", "plotly", "numba", "cv2", "trimesh", "scipy", "pydantic")

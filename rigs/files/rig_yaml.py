@@ -11,7 +11,7 @@ from rigs.camera_protocol import CameraLike
 from rigs.figures import Accuracy, Optics
 from rigs.files.schema import CameraEntry, RigEntry, SceneEntry, parse_rig
 from rigs.files.text import read_yaml_mapping
-from rigs.files.units import metres
+from rigs.files.units import UNKNOWN, metres
 from rigs.layouts import matrix_of_lens, optics_of_lens
 from rigs.lens import Distortion
 from rigs.ray_table import RayTable
@@ -63,7 +63,8 @@ def load_scene(path: str | os.PathLike, length_unit: str = "mm") -> Scene:
     """
     data = read_yaml_mapping(path)
     try:
-        own, unit = data.get("scene", data), data.get("length_unit", length_unit)
+        own, unit = data.get("scene", data), data.get("length_unit", UNKNOWN)
+        unit = length_unit if unit == UNKNOWN else unit
         entry = parse_rig({**HEAD, "cameras": [], "scene": own, "length_unit": unit}).scene
         if entry is None or not entry.solids:
             raise ValueError("scene: found no solids, expected at least one")

@@ -52,7 +52,8 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
     for name in columns:
         if name not in _COLUMNS:
             raise ValueError(f"{name}: found among the columns, expected {', '.join(_COLUMNS)}")
-    if (given := set(_UP) & set(columns)) and len(given) < len(_UP):
+    given = set(_UP) & set(columns)
+    if given and len(given) < len(_UP):
         raise ValueError(f"up: found {', '.join(sorted(given))}, expected all three or none")
     units = {columns[name] for name in (*_PLACE, *_LOOK)}
     if len(units) > 1:
@@ -60,7 +61,7 @@ def load(path: Path, image_size: tuple[int, int] | None = None) -> Rig:
         raise ValueError(f"x ... look_z: found the units {found}, expected one for all six")
     unit = units.pop() or UNKNOWN
     cameras = [_camera(row, columns, image_size) for row in _rows(lines, columns)]
-    if not set(columns) >= set(_UP):
+    if not given:
         logger.warning(
             "%s: y is taken to point to the images' top, as the table has no columns up_x, "
             "up_y, up_z",

@@ -74,6 +74,8 @@ def test_a_scene_is_taken_from_a_file_in_another_unit(tmp_path):
     (window,) = load_scene(tmp_path / "scene.yaml", "mm").solids
     assert window.thickness == pytest.approx(10)
     assert window.point[2] == pytest.approx(200)
+    (tmp_path / "scene.yaml").write_text(f"length_unit: unit\nscene: {{solids: [{pane}]}}\n")
+    assert load_scene(tmp_path / "scene.yaml", "mm").solids[0].thickness == 1  # taken as it is
 
 
 def test_a_folder_of_two_rigs_is_no_rig(tmp_path):
